@@ -15,7 +15,6 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import bottega  # noqa: E402
 import scenes  # noqa: E402
-import volume_scenes  # noqa: E402, F401
 import support  # noqa: E402
 
 # The greatest difference of the means, and FLIP, by scene; those that are not here have 1 % and 0.05.

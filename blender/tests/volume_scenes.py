@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from scenes import empty, floor, lamp, matte, nodes, scene
+from scene_parts import empty, floor, lamp, matte, nodes, scene
 
 FIRE = Path(__file__).parents[2] / "crates/bottega-scene/tests/voxels/data/fire.vdb"
 """A ball of smoke, densest and hottest in its middle, around (1.8, 2.8, 3.8), 1.7 wide."""

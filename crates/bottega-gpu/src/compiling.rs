@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 static DEVICES: Mutex<Vec<(u64, String, Instant)>> = Mutex::new(Vec::new());
 
 /// A guard that lists a device as compiling until it is dropped.
-pub(crate) struct Compiling(u64);
+pub(crate) struct CompilingGuard(u64);
 
-impl Compiling {
+impl CompilingGuard {
     pub(crate) fn begin(name: &str) -> Self {
         let mut devices = devices();
         let number = devices.iter().map(|(number, ..)| number + 1).max().unwrap_or(0);
@@ -17,7 +17,7 @@ impl Compiling {
     }
 }
 
-impl Drop for Compiling {
+impl Drop for CompilingGuard {
     fn drop(&mut self) {
         devices().retain(|(number, ..)| *number != self.0);
     }
@@ -39,7 +39,7 @@ mod tests {
     #[test]
     fn a_device_is_named_while_it_compiles() {
         let is_named = |name: &str| compiling().iter().any(|(known, _)| known == name);
-        let (one, other) = (Compiling::begin("one"), Compiling::begin("other"));
+        let (one, other) = (CompilingGuard::begin("one"), CompilingGuard::begin("other"));
         assert!(is_named("one") && is_named("other"));
         drop(one);
         assert!(!is_named("one") && is_named("other"));

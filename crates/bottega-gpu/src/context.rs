@@ -136,9 +136,9 @@ impl Context {
         read: impl FnOnce(&[u32]),
     ) -> Result<(), GpuError> {
         let mapped = Arc::new(Mutex::new(None));
-        let told = Arc::clone(&mapped);
+        let map_outcome = Arc::clone(&mapped);
         readback.map_async(wgpu::MapMode::Read, 0..bytes, move |outcome| {
-            *told.lock().unwrap_or_else(PoisonError::into_inner) = Some(outcome);
+            *map_outcome.lock().unwrap_or_else(PoisonError::into_inner) = Some(outcome);
         });
         self.wait(submission)?;
         match mapped.lock().unwrap_or_else(PoisonError::into_inner).take() {

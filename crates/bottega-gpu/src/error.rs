@@ -7,7 +7,7 @@ pub enum GpuError {
     #[error("no GPU found: there is no Vulkan driver, or no device that it drives")]
     NoAdapter,
     /// Only software adapters were found; those must be selected by name.
-    #[error("no GPU found, only software adapters, which are used when asked for by name: {}", .0.join(", "))]
+    #[error("no GPU found, only software adapters, which are used only when named: {}", .0.join(", "))]
     SoftwareOnly(Vec<String>),
     /// No adapter has the name.
     #[error("no adapter is named `{wanted}`; there are: {}", .found.join(", "))]
@@ -18,7 +18,7 @@ pub enum GpuError {
         found: Vec<String>,
     },
     /// The driver refused to open a device, for instance because its limits are too small.
-    #[error("`{adapter}` gives no device")]
+    #[error("`{adapter}` cannot be opened")]
     Device {
         /// The adapter's name.
         adapter: String,
@@ -41,7 +41,7 @@ pub enum GpuError {
     #[error("not for a GPU: {}", .0.join("; "))]
     Unsupported(Vec<String>),
     /// A material is cut out by its alpha texture, which rays on the GPU do not evaluate, so hits may be wrong.
-    #[error("material `{0}` is cut out by its alpha, which rays on the GPU do not see")]
+    #[error("material `{0}` is cut out by its alpha, which rays on the GPU do not support")]
     AlphaTested(String),
     /// An index of the scene is out of range.
     #[error("{0}")]

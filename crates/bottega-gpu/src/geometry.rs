@@ -87,13 +87,13 @@ fn check(meshes: &[MeshGeometry<'_>], instances: &[InstanceGeometry]) -> Result<
     for (mesh, index) in meshes.iter().zip(0_usize..) {
         let count = mesh.positions.len();
         if mesh.triangles.iter().flatten().any(|&vertex| vertex as usize >= count) {
-            return Err(GpuError::Invalid(format!("a triangle of mesh {index} names a vertex that is not there")));
+            return Err(GpuError::Invalid(format!("a triangle of mesh {index} names a vertex that does not exist")));
         }
     }
     for (instance, index) in instances.iter().zip(0_usize..) {
         if instance.mesh as usize >= meshes.len() {
             return Err(GpuError::Invalid(format!(
-                "instance {index} names mesh {}, which is not there",
+                "instance {index} names mesh {}, which does not exist",
                 instance.mesh
             )));
         }
@@ -107,7 +107,7 @@ mod tests {
     use glam::Affine3A;
 
     #[test]
-    fn what_cannot_be_bounded_is_left_out_and_a_bad_index_is_an_error() {
+    fn shapes_without_bounds_are_left_out_and_a_bad_index_is_an_error() {
         let positions = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::NAN];
         let mesh = MeshGeometry { positions: &positions, triangles: &[[0, 1, 2], [0, 1, 3]] };
         let instance = InstanceGeometry { mesh: 0, world_from_object: Affine3A::IDENTITY };

@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_driver_tells_how_much_there_is() {
+    fn a_driver_reports_its_memory() {
         let Ok((adapter, info)) = crate::adapter::choose(Some("")) else {
             eprintln!("skipped: no Vulkan adapter; install a driver, or Mesa's llvmpipe");
             return;

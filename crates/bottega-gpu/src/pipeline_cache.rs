@@ -1,6 +1,6 @@
 //! Compiled kernels, kept from one run to the next, because a driver takes seconds to compile them.
 //!
-//! Unsafe: a driver trusts data that it is told it wrote itself. Data read from a file is therefore checked against the digest
+//! Unsafe: a driver trusts data that it is said to have written. Data read from a file is therefore checked against the digest
 //! written with it, is given only to the kind of device that the file is named by, and wgpu compares driver and version.
 #![allow(unsafe_code)]
 
@@ -18,12 +18,13 @@ const BYTES_MAX: u64 = 256 << 20;
 /// The kernels that a driver has compiled, and the file that keeps them.
 #[derive(Debug)]
 pub(crate) struct PipelineCache {
-    kept: Option<KeptKernels>,
+    file: Option<KernelFile>,
 }
 
+/// Compiled kernels of one adapter, and their file.
 #[derive(Debug)]
-struct KeptKernels {
-    file: PathBuf,
+struct KernelFile {
+    path: PathBuf,
     cache: wgpu::PipelineCache,
     digest: Option<blake3::Hash>,
 }
@@ -37,34 +38,34 @@ impl PipelineCache {
     /// Opens the kernels kept in `folder` for this adapter. Keeps nothing without a folder, or if the driver has no pipeline
     /// cache.
     pub(crate) fn open(context: &Context, adapter: &Adapter, folder: Option<&Path>) -> Self {
-        Self { kept: folder.and_then(|folder| KeptKernels::open(context, adapter, folder)) }
+        Self { file: folder.and_then(|folder| KernelFile::open(context, adapter, folder)) }
     }
 
     /// Returns the cache to create pipelines with.
     pub(crate) fn get(&self) -> Option<&wgpu::PipelineCache> {
-        self.kept.as_ref().map(|kept| &kept.cache)
+        self.file.as_ref().map(|file| &file.cache)
     }
 
     /// Writes newly compiled kernels to the file, if there are any. If writing fails they are compiled again in the next run.
     pub(crate) fn keep(&self) {
-        let Some(kept) = &self.kept else { return };
-        let Some(data) = kept.cache.get_data() else { return };
+        let Some(file) = &self.file else { return };
+        let Some(data) = file.cache.get_data() else { return };
         let digest = blake3::hash(&data);
-        if kept.digest == Some(digest) {
+        if file.digest == Some(digest) {
             return;
         }
-        _ = kept.file.parent().map(fs::create_dir_all);
-        _ = bottega_image::write_whole(&kept.file, &[digest.as_bytes(), data.as_slice()].concat());
+        _ = file.path.parent().map(fs::create_dir_all);
+        _ = bottega_image::write_whole(&file.path, &[digest.as_bytes(), data.as_slice()].concat());
     }
 }
 
-impl KeptKernels {
+impl KernelFile {
     fn open(context: &Context, adapter: &Adapter, folder: &Path) -> Option<Self> {
         if !context.device.features().contains(Features::PIPELINE_CACHE) {
             return None;
         }
-        let file = folder.join(wgpu::util::pipeline_cache_key(&adapter.get_info())?);
-        let read = read(&file);
+        let path = folder.join(wgpu::util::pipeline_cache_key(&adapter.get_info())?);
+        let read = read(&path);
         let descriptor = PipelineCacheDescriptor {
             label: Some("kernels"),
             data: read.as_ref().map(|(_, data)| data.as_slice()),
@@ -72,7 +73,7 @@ impl KeptKernels {
         };
         // SAFETY: the data, if any, has the digest of what `get_data` returned on such a device.
         let cache = unsafe { context.device.create_pipeline_cache(&descriptor) };
-        Some(Self { file, cache, digest: read.map(|(digest, _)| digest) })
+        Some(Self { path, cache, digest: read.map(|(digest, _)| digest) })
     }
 }
 
@@ -90,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_damaged_is_not_given_to_a_driver() {
+    fn damaged_data_is_not_given_to_a_driver() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("cache");
         assert_eq!(read(&file), None);

@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lost_device_gives_the_work_back_and_is_made_anew() {
+    fn a_lost_device_returns_its_work_and_is_opened_again() {
         let Some(mut gpu) = gpu() else { return };
         gpu.device.as_ref().unwrap().lose();
         let failed = gpu.perform(batch()).unwrap_err();
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn a_command_that_wgpu_refuses_is_a_failure_and_no_panic() {
+    fn a_command_that_wgpu_refuses_is_a_failure_not_a_panic() {
         let Some(mut gpu) = gpu() else { return };
         gpu.device.as_ref().unwrap().misuse();
         let failed = gpu.perform(batch()).unwrap_err();
@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn work_that_is_no_rays_is_given_back() {
+    fn work_without_rays_is_returned() {
         let Some(mut gpu) = gpu() else { return };
         assert_eq!(gpu.perform(Batch(Vec::new())).unwrap_err().reason, "not a batch of rays");
     }

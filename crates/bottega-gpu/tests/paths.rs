@@ -60,8 +60,8 @@ fn a_processor_and_a_device_paint_one_picture() {
     let device_is_through = Arc::new(Mutex::new(device_is_through));
     let cpu = VirtualCpu::lanes(1, move |work: RenderWork| {
         // The sender is gone once the device has done something.
-        let told = device_is_through.lock().unwrap().recv_timeout(Duration::from_secs(600));
-        assert_eq!(told, Err(RecvTimeoutError::Disconnected), "the device does nothing");
+        let received = device_is_through.lock().unwrap().recv_timeout(Duration::from_secs(600));
+        assert_eq!(received, Err(RecvTimeoutError::Disconnected), "the device does nothing");
         work.perform()
     });
     let mut tell = Some(tell);
@@ -136,5 +136,5 @@ fn compiled_kernels_are_kept_for_the_next_time() {
     }
     drop(GpuPaths::new(&scene, &options).unwrap());
     assert_eq!(kept().len(), first.len());
-    assert!(kept()[0].len() > 32, "it was not written anew");
+    assert!(kept()[0].len() > 32, "it was not written again");
 }

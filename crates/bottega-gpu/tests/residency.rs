@@ -150,7 +150,7 @@ fn the_scene_that_is_not_needed_makes_room() {
 }
 
 #[test]
-fn what_fits_nowhere_is_painted_by_processors() {
+fn scenes_too_large_for_the_device_are_painted_by_processors() {
     let Some(adapter) = adapter() else { return };
     let [a, b] = scenes();
     let bench = Bench::new(&adapter, 1000, 1, &[Arc::clone(&a), Arc::clone(&b)]);
@@ -159,7 +159,7 @@ fn what_fits_nowhere_is_painted_by_processors() {
 }
 
 #[test]
-fn what_did_not_change_from_frame_to_frame_is_sent_once() {
+fn unchanged_data_is_sent_once_for_all_frames() {
     let Some(adapter) = adapter() else { return };
     let frame = |shift: f32| {
         let mut scene = scene(Vec3::new(0.8, 0.4, 0.2), 0.0);
@@ -176,7 +176,7 @@ fn what_did_not_change_from_frame_to_frame_is_sent_once() {
 }
 
 #[test]
-fn a_device_whose_memory_is_short_of_what_was_promised_gives_the_work_back() {
+fn a_device_with_less_memory_than_promised_returns_the_work() {
     let Some(adapter) = adapter() else { return };
     let [a, b] = scenes();
     // The allocator gets a larger size than there is, as if another program had taken memory meanwhile.
@@ -188,22 +188,22 @@ fn a_device_whose_memory_is_short_of_what_was_promised_gives_the_work_back() {
     scenes.admit(&encoded).unwrap();
     let lanes = VirtualCpu::lanes(1, RenderWork::perform).into_iter().map(Lane::Direct);
     let window = Window { packets: 2, units_per_packet: 8, ..Window::default() };
-    let lanes = lanes.chain([Lane::Windowed(Box::new(Boaster(gpu)) as _, window)]).collect();
+    let lanes = lanes.chain([Lane::Windowed(Box::new(UnlimitedMemory(gpu)) as _, window)]).collect();
     let hra = Hra::with_lanes(HraConfig::default(), lanes);
     let bench = Bench { hra, scenes, encoded: vec![encoded], device: ResourceId(1) };
     // The processor may be done with a small picture before the device asks for any of it.
     let ran_out = || bench.hra.report().incidents.iter().any(|it| it.fault == bottega_hra::Fault::OutOfMemory);
-    let told = (0..200).any(|_| {
+    let is_reported = (0..200).any(|_| {
         assert_eq!(bench.paint(&a), 0);
         ran_out()
     });
-    assert!(told, "{:?}", bench.hra.report().incidents);
+    assert!(is_reported, "{:?}", bench.hra.report().incidents);
 }
 
 /// A device that reports unlimited memory.
-struct Boaster(GpuPaths);
+struct UnlimitedMemory(GpuPaths);
 
-impl bottega_hra::WindowedResource<RenderWork> for Boaster {
+impl bottega_hra::WindowedResource<RenderWork> for UnlimitedMemory {
     fn descriptor(&self) -> bottega_hra::ResourceDescriptor {
         bottega_hra::ResourceDescriptor { memory_bytes: Some(1 << 40), ..self.0.descriptor() }
     }

@@ -4,7 +4,7 @@ use crate::build::{self, BuiltTree, refit};
 #[cfg(target_arch = "x86_64")]
 use crate::traverse::avx2::{self, Avx2};
 use crate::traverse::portable::Portable;
-use crate::traverse::{self, Any, Closest, CountedQuery, Filtered, Query};
+use crate::traverse::{self, AnyHit, ClosestHit, CountedQuery, FilteredHit, Query};
 use crate::tree::SceneTrees;
 use crate::{
     Aabb, BuildError, BuildOptions, Hit, InstanceGeometry, MeshGeometry, MotionGeometry, Precision, Ray, SphereGeometry,
@@ -62,7 +62,7 @@ impl Accel {
     /// geometry as it is then; those without a time find it at time 0.
     ///
     /// # Errors
-    /// As for [`Accel::build`], and [`BuildError::BadMotion`].
+    /// The same as [`Accel::build`], and [`BuildError::BadMotion`].
     pub fn build_moving(
         meshes: &[MeshGeometry<'_>],
         instances: &[InstanceGeometry],
@@ -76,7 +76,7 @@ impl Accel {
     }
 
     /// Refits the structure to moved geometry: other positions, transforms and spheres, with the same counts and
-    /// triangle indices. The farther things move from where they were at the build, the slower rays get. Triangles
+    /// triangle indices. Rays get slower the farther shapes move from their places at the build. Triangles
     /// without area and spheres of radius 0 at the build stay unhittable. A structure of moving geometry cannot be refitted.
     ///
     /// An error leaves the structure unchanged.
@@ -92,12 +92,12 @@ impl Accel {
 
     /// Returns the closest hit. At equal distance, the lower instance wins, then the lower primitive.
     pub fn intersect(&self, ray: &Ray) -> Hit {
-        self.query(ray, 0.0, &mut Closest)
+        self.query(ray, 0.0, &mut ClosestHit)
     }
 
     /// Returns true if the ray hits anything.
     pub fn occluded(&self, ray: &Ray) -> bool {
-        self.query(ray, 0.0, &mut Any).is_some()
+        self.query(ray, 0.0, &mut AnyHit).is_some()
     }
 
     /// Returns the closest hit that `accept` lets pass (an alpha test). It is called for candidates in no particular
@@ -113,22 +113,22 @@ impl Accel {
 
     /// Returns the closest hit at a time from 0 to 1.
     pub fn intersect_at(&self, ray: &Ray, time: f32) -> Hit {
-        self.query(ray, time, &mut Closest)
+        self.query(ray, time, &mut ClosestHit)
     }
 
     /// Returns true if the ray hits anything at a time from 0 to 1.
     pub fn occluded_at(&self, ray: &Ray, time: f32) -> bool {
-        self.query(ray, time, &mut Any).is_some()
+        self.query(ray, time, &mut AnyHit).is_some()
     }
 
     /// Returns the closest hit at a time from 0 to 1 that `accept` lets pass; see [`Accel::intersect_filtered`].
     pub fn intersect_filtered_at(&self, ray: &Ray, time: f32, accept: impl Fn(&Hit) -> bool) -> Hit {
-        self.query(ray, time, &mut Filtered::<_, false>(accept))
+        self.query(ray, time, &mut FilteredHit::<_, false>(accept))
     }
 
     /// Returns true if there is a hit at a time from 0 to 1 that `accept` lets pass; see [`Accel::intersect_filtered`].
     pub fn occluded_filtered_at(&self, ray: &Ray, time: f32, accept: impl Fn(&Hit) -> bool) -> bool {
-        self.query(ray, time, &mut Filtered::<_, true>(accept)).is_some()
+        self.query(ray, time, &mut FilteredHit::<_, true>(accept)).is_some()
     }
 
     /// Returns the closest hit; adds the number of nodes and leaves visited to `steps`.
@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ray_through_a_triangle_tells_where() {
+    fn a_ray_finds_its_place_on_a_triangle() {
         let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
         let mesh = MeshGeometry { positions: &positions, triangles: &[[0, 1, 2]] };
         let sphere = SphereGeometry { center: Vec3::Z * 3.0, radius: 1.0 };
@@ -279,10 +279,10 @@ mod tests {
     }
 
     /// Keys of vertices, their triangles, moving transformations, and spheres at the first and last time.
-    type Commotion = (Vec<Vec<Vec3>>, Vec<[u32; 3]>, [MovingTransform; 2], [[SphereGeometry; 2]; 2]);
+    type MovingShapes = (Vec<Vec<Vec3>>, Vec<[u32; 3]>, [MovingTransform; 2], [[SphereGeometry; 2]; 2]);
 
     /// Makes geometry that moves at random.
-    fn commotion(random: &mut SplitMix64) -> Commotion {
+    fn moving_shapes(random: &mut SplitMix64) -> MovingShapes {
         let (positions, triangles) = clutter(random, 2000);
         let mut point = |size: f32| Vec3::from_array([(); 3].map(|()| size * (2.0 * random.unit_f32() - 1.0)));
         let waved = |positions: &[Vec3], point: &mut dyn FnMut(f32) -> Vec3| {
@@ -310,7 +310,7 @@ mod tests {
     #[test]
     fn moving_geometry_is_hit_where_it_is_at_the_time() {
         let mut random = SplitMix64::new(11);
-        let (keys, triangles, moving, spheres) = commotion(&mut random);
+        let (keys, triangles, moving, spheres) = moving_shapes(&mut random);
         let still = MeshGeometry { positions: &keys[0], triangles: &triangles };
         let times = [0.0, 0.3, 1.0];
         let mesh_keys = keys.iter().zip(times).map(|(positions, time)| MeshKeyGeometry { time, positions }).collect();

@@ -106,18 +106,18 @@ pub enum BuildError {
         /// Index of the sphere.
         sphere: usize,
     },
-    /// Something that moves has keys that cannot be followed.
+    /// A moving part has invalid keys.
     #[error("{what} {index} moves, but {problem}")]
     BadMotion {
         /// Kind of part, such as "mesh".
         what: &'static str,
         /// Its index.
         index: usize,
-        /// What is wrong.
+        /// Reason for the refusal, as a clause.
         problem: &'static str,
     },
     /// A refit has other geometry than the build, or flattens an instance to nothing.
-    #[error("meshes, instances or spheres are others than those built: build again instead of refitting")]
+    #[error("meshes, instances or spheres differ from those of the build: build again instead of refitting")]
     Changed,
     /// There are more elements than indices can number.
     #[error("{count} {what} are more than the limit of {limit}")]

@@ -7,7 +7,7 @@
 //!
 //! The decision that shaped this crate: *a hit is a function of the ray and the scene*. Two processors with different
 //! vector units give the same bits, a tree built by one thread equals the tree built by sixty-four, and of two surfaces
-//! at the same distance the one with the lower number is hit, in whatever order the tree is traversed. So different
+//! at the same distance the one with the lower number is hit, for any order of traversal. So different
 //! machines may render parts of a picture, and pictures can be compared bit for bit.
 //!
 //! [`math`] has the elementary functions for the same purpose.

@@ -232,15 +232,15 @@ pub struct MeshKeyGeometry<'a> {
 pub struct SphereKeyGeometry {
     /// Time of the key.
     pub time: f32,
-    /// The sphere then.
+    /// Sphere at that time.
     pub sphere: SphereGeometry,
 }
 
-/// The moving parts of a scene. What is not named here stands still.
+/// The moving parts of a scene. Parts that are not named here stand still.
 #[derive(Clone, Debug, Default)]
 pub struct MotionGeometry<'a> {
-    /// Moving instances: index and transformation, ascending by the index. They stay where they are put, so the
-    /// transformation given with the other instances counts for nothing.
+    /// Moving instances: index and transformation, ascending by the index. The
+    /// transformations given with the other instances are ignored for them.
     pub instances: Vec<(u32, MovingTransform)>,
     /// Meshes with moving vertices: index and keys, ascending by the index; the times ascend, too.
     pub meshes: Vec<(u32, Vec<MeshKeyGeometry<'a>>)>,
@@ -254,7 +254,7 @@ impl MotionGeometry<'_> {
         self.instances.is_empty() && self.meshes.is_empty() && self.spheres.is_empty()
     }
 
-    /// Checks what moves against the geometry that it belongs to.
+    /// Checks moving parts against the geometry that they belong to.
     pub(crate) fn validate(
         &self,
         meshes: &[MeshGeometry<'_>],
@@ -267,14 +267,14 @@ impl MotionGeometry<'_> {
         let mut last = None;
         for (index, _) in &self.instances {
             if *index as usize >= instances.len() || last.is_some_and(|last| last >= *index) {
-                return bad("instance", *index, "is not there, or named out of order");
+                return bad("instance", *index, "does not exist, or is out of order");
             }
             last = Some(*index);
         }
         let mut last = None;
         for (index, keys) in &self.meshes {
             if *index as usize >= meshes.len() || last.is_some_and(|last| last >= *index) {
-                return bad("mesh", *index, "is not there, or named out of order");
+                return bad("mesh", *index, "does not exist, or is out of order");
             }
             last = Some(*index);
             if !ascend(keys.iter().map(|key| key.time)) {
@@ -290,7 +290,7 @@ impl MotionGeometry<'_> {
         let mut last = None;
         for (index, keys) in &self.spheres {
             if *index as usize >= spheres.len() || last.is_some_and(|last| last >= *index) {
-                return bad("sphere", *index, "is not there, or named out of order");
+                return bad("sphere", *index, "does not exist, or is out of order");
             }
             last = Some(*index);
             if !ascend(keys.iter().map(|key| key.time)) {

@@ -14,7 +14,7 @@ use crate::{Aabb, Ray, SphereGeometry};
 pub(crate) struct TreeMotion {
     /// Motion of placed trees, which refer to it by [`PlacedTree::motion`](crate::tree::PlacedTree::motion).
     pub(crate) placements: Vec<PlacedMotion>,
-    /// Moving spheres: index, times of the keys and spheres then; ascending by the index.
+    /// Moving spheres: index, and spheres at the times of their keys; ascending by the index.
     pub(crate) spheres: Vec<(u32, SphereMotion)>,
 }
 

@@ -27,7 +27,7 @@ use crate::moving_tree::KeyPose;
 use crate::tree::{Child, PlacedTree, SceneTrees, Sphere, TriangleBlock, WIDTH, WideNode};
 use crate::{Hit, Ray};
 use lanes::{LaneJob, Lanes};
-use setup::Wide;
+use setup::PreparedRay;
 use stack::{Stack, Storage};
 use triangle::BlockHits;
 
@@ -48,22 +48,22 @@ pub(crate) trait Query {
 }
 
 /// The query for the closest hit.
-pub(crate) struct Closest;
-impl Query for Closest {
+pub(crate) struct ClosestHit;
+impl Query for ClosestHit {
     const ANY: bool = false;
     const FILTERED: bool = false;
 }
 
 /// The query for any hit.
-pub(crate) struct Any;
-impl Query for Any {
+pub(crate) struct AnyHit;
+impl Query for AnyHit {
     const ANY: bool = true;
     const FILTERED: bool = false;
 }
 
 /// The query for the closest or any hit that a filter accepts.
-pub(crate) struct Filtered<A, const ANY: bool>(pub(crate) A);
-impl<A: Fn(&Hit) -> bool, const ANY: bool> Query for Filtered<A, ANY> {
+pub(crate) struct FilteredHit<A, const ANY: bool>(pub(crate) A);
+impl<A: Fn(&Hit) -> bool, const ANY: bool> Query for FilteredHit<A, ANY> {
     const ANY: bool = ANY;
     const FILTERED: bool = true;
     #[inline(always)]
@@ -132,30 +132,30 @@ fn key_is_lower(tree: &SceneTrees, (space, id): (u32, u32), (best_space, best_id
 }
 
 /// The test of a sphere or instance leaf, run out of line.
-struct OddJob<'a, S, Q, const ROBUST: bool> {
-    walk: &'a Walk<'a, S, ROBUST>,
+struct OtherLeafJob<'a, S, Q, const ROBUST: bool> {
+    traversal: &'a Traversal<'a, S, ROBUST>,
     leaf: Child,
     entry: f32,
     query: &'a mut Q,
     best: &'a mut NearestHit,
 }
 
-impl<S: Lanes, Q: Query, const ROBUST: bool> LaneJob for OddJob<'_, S, Q, ROBUST> {
+impl<S: Lanes, Q: Query, const ROBUST: bool> LaneJob for OtherLeafJob<'_, S, Q, ROBUST> {
     type Output = bool;
     #[inline(always)]
     fn run(self) -> bool {
-        let Self { walk, leaf, entry, query, best } = self;
+        let Self { traversal, leaf, entry, query, best } = self;
         if leaf.is_sphere() {
-            walk.sphere(leaf.index(), entry, query, best)
+            traversal.sphere(leaf.index(), entry, query, best)
         } else {
-            walk.instance(&walk.tree.placed[leaf.index()], entry, query, best)
+            traversal.instance(&traversal.tree.placed[leaf.index()], entry, query, best)
         }
     }
 }
 
 /// The traversal of the trees of a mesh's keys, run out of line.
 struct KeysJob<'a, S, Q, const ROBUST: bool> {
-    walk: &'a Walk<'a, S, ROBUST>,
+    traversal: &'a Traversal<'a, S, ROBUST>,
     root: Child,
     entry: f32,
     query: &'a mut Q,
@@ -166,7 +166,7 @@ impl<S: Lanes, Q: Query, const ROBUST: bool> LaneJob for KeysJob<'_, S, Q, ROBUS
     type Output = bool;
     #[inline(always)]
     fn run(self) -> bool {
-        self.walk.walk::<Q, false, true>(self.root, self.entry, self.query, self.best)
+        self.traversal.traverse::<Q, false, true>(self.root, self.entry, self.query, self.best)
     }
 }
 
@@ -186,8 +186,8 @@ pub(crate) fn run<S: Lanes, Q: Query, const ROBUST: bool>(
     }
     let [u, v, det] = [[0.0; WIDTH]; 3];
     let mut best = NearestHit { t: ray.t_max, space: WORLD, id: NOTHING, lane: 0, u, v, det };
-    let walk = Walk::<S, ROBUST> { s, tree, ray, t_min, time, space: WORLD, pose: KeyPose::NONE };
-    let found = walk.walk::<Q, true, false>(tree.root, t_min, query, &mut best);
+    let traversal = Traversal::<S, ROBUST> { s, tree, ray, t_min, time, space: WORLD, pose: KeyPose::NONE };
+    let found = traversal.traverse::<Q, true, false>(tree.root, t_min, query, &mut best);
     if !found {
         return Hit::NONE;
     }
@@ -201,7 +201,7 @@ pub(crate) fn run<S: Lanes, Q: Query, const ROBUST: bool>(
 
 /// The constant state of traversing one tree.
 #[derive(Clone, Copy)]
-struct Walk<'a, S, const ROBUST: bool> {
+struct Traversal<'a, S, const ROBUST: bool> {
     s: S,
     tree: &'a SceneTrees,
     /// The ray in the tree's space.
@@ -215,13 +215,13 @@ struct Walk<'a, S, const ROBUST: bool> {
     pose: KeyPose,
 }
 
-impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
+impl<S: Lanes, const ROBUST: bool> Traversal<'_, S, ROBUST> {
     /// Traverses the tree below `root`, which the ray enters at `floor`. Returns true if `best` was improved.
     ///
     /// - `TOP`: the tree of the world, which has spheres and instances.
     /// - `KEYS`: trees of a mesh whose vertices move.
     #[inline(always)]
-    fn walk<Q: Query, const TOP: bool, const KEYS: bool>(
+    fn traverse<Q: Query, const TOP: bool, const KEYS: bool>(
         &self,
         root: Child,
         floor: f32,
@@ -230,7 +230,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
     ) -> bool {
         let s = self.s;
         // Prepare the ray for the box and triangle tests
-        let Some(wide) = Wide::<S, ROBUST>::new(s, self.ray, floor, self.t_min) else { return false };
+        let Some(prepared) = PreparedRay::<S, ROBUST>::new(s, self.ray, floor, self.t_min) else { return false };
         let mut storage = Storage::new();
         let mut stack = Stack::new(&mut storage);
         let mut found = false;
@@ -244,11 +244,11 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
                 s.prefetch::<1>((&raw const node.children).cast());
                 // Test the boxes of the children, and continue with the nearest
                 let (near, miss) = if KEYS {
-                    wide.boxes(s, &self.planes_between_keys(current), limit)
+                    prepared.boxes(s, &self.planes_between_keys(current), limit)
                 } else {
-                    wide.boxes(s, &node.planes, limit)
+                    prepared.boxes(s, &node.planes, limit)
                 };
-                if let Some(next) = self.choose::<Q>(node, near, miss, wide.octant, &mut stack) {
+                if let Some(next) = self.choose::<Q>(node, near, miss, prepared.octant, &mut stack) {
                     (current, entry) = next;
                     continue;
                 }
@@ -259,12 +259,12 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
                         break;
                     }
                     query.visit();
-                    self.triangles::<Q, KEYS>(current, entry, &wide, limit, query, best)
+                    self.triangles::<Q, KEYS>(current, entry, &prepared, limit, query, best)
                 } else if current == Child::EMPTY {
                     break;
                 } else {
                     query.visit();
-                    s.apart(OddJob { walk: self, leaf: current, entry, query, best })
+                    s.apart(OtherLeafJob { traversal: self, leaf: current, entry, query, best })
                 };
                 if improved {
                     found = true;
@@ -346,7 +346,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         &self,
         leaf: Child,
         entry: f32,
-        wide: &Wide<S, ROBUST>,
+        prepared: &PreparedRay<S, ROBUST>,
         limit: S::F,
         query: &mut Q,
         best: &mut NearestHit,
@@ -360,7 +360,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
             self.tree.block(leaf)
         };
         // Test all triangles of the block
-        let Some(BlockHits { t, u, v, det, mut bits }) = wide.triangles(s, block, limit) else { return false };
+        let Some(BlockHits { t, u, v, det, mut bits }) = prepared.triangles(s, block, limit) else { return false };
         if Q::BLIND {
             return true;
         }
@@ -438,11 +438,11 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         let direction = m.map(|r| r[0] * dx + r[1] * dy + r[2] * dz);
         let ray = Ray { origin: origin.into(), direction: direction.into(), ..*self.ray };
         let pose = keys.map_or(KeyPose::NONE, |keys| keys.at(self.time));
-        let walk = Walk::<S, ROBUST> { ray: &ray, space: placed.instance, pose, ..*self };
+        let traversal = Traversal::<S, ROBUST> { ray: &ray, space: placed.instance, pose, ..*self };
         if keys.is_some() {
-            self.s.apart(KeysJob { walk: &walk, root: placed.root, entry, query, best })
+            self.s.apart(KeysJob { traversal: &traversal, root: placed.root, entry, query, best })
         } else {
-            walk.walk::<Q, false, false>(placed.root, entry, query, best)
+            traversal.traverse::<Q, false, false>(placed.root, entry, query, best)
         }
     }
 }

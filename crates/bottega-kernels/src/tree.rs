@@ -211,7 +211,7 @@ pub(crate) struct SceneTrees {
     pub(crate) root: Child,
     /// Instances flattened into world space: number of the first triangle and instance, ascending in both.
     pub(crate) flat: Vec<(u32, u32)>,
-    /// What moves.
+    /// Moving instances, meshes and spheres.
     pub(crate) motion: TreeMotion,
 }
 

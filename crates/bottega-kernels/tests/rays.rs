@@ -333,7 +333,7 @@ fn bad_geometry_is_refused_and_odd_geometry_is_not() {
 }
 
 #[test]
-fn an_absurdly_nested_scene_is_built_and_walked() {
+fn an_absurdly_nested_scene_is_built_and_traversed() {
     // Each triangle half the size of the last, all from one corner: the heuristic peels off one at a time.
     let mut positions = Vec::new();
     for i in 0..3000 {

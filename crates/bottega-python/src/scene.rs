@@ -6,7 +6,7 @@ use bottega::{
     glam::Affine3A,
     scene::{
         Camera, CornerMesh, CurveLook, CurveStrands, Density, EditedLight, EmissionVariation, EntryKind, Environment,
-        ImageId, Loaded, Material, Medium, MediumId, PlacedObject, Placing, RenderHints, Scene, SceneEditor, Shutter,
+        ImageId, Loaded, Material, Medium, MediumId, PlacedObject, PutMode, RenderHints, Scene, SceneEditor, Shutter,
         Sphere, TransformKey, Variation, Visibility, load, save_scene,
     },
 };
@@ -67,8 +67,8 @@ pub(crate) fn kind_of(name: &str) -> PyResult<EntryKind> {
 }
 
 /// Returns whether a key must be new.
-pub(crate) fn placing(is_new: bool) -> Placing {
-    if is_new { Placing::New } else { Placing::AddOrReplace }
+pub(crate) fn put_mode(is_new: bool) -> PutMode {
+    if is_new { PutMode::New } else { PutMode::AddOrReplace }
 }
 
 /// Returns kinds of ray by their bits.
@@ -164,11 +164,11 @@ impl PyScene {
 
     /// Adds or replaces a material, a light or a camera, from its JSON text.
     fn put(&self, kind: &str, key: &str, json: &str, is_new: bool) -> PyResult<()> {
-        let (mut editor, placing) = (self.editor(), placing(is_new));
+        let (mut editor, mode) = (self.editor(), put_mode(is_new));
         let put = match kind_of(kind)? {
-            EntryKind::Material => editor.put_material(key, parsed::<Material>(kind, json)?, placing),
-            EntryKind::Light => editor.put_light(key, parsed::<EditedLight>(kind, json)?, placing),
-            EntryKind::Camera => editor.put_camera(key, parsed::<Camera>(kind, json)?, placing),
+            EntryKind::Material => editor.put_material(key, parsed::<Material>(kind, json)?, mode),
+            EntryKind::Light => editor.put_light(key, parsed::<EditedLight>(kind, json)?, mode),
+            EntryKind::Camera => editor.put_camera(key, parsed::<Camera>(kind, json)?, mode),
             kind => return Err(PyValueError::new_err(format!("a {kind} is not put as JSON"))),
         };
         put.map_err(|error| errors::edit(&error))
@@ -190,7 +190,7 @@ impl PyScene {
     /// Adds or replaces a sphere, from its JSON text and the key of its material.
     fn put_sphere(&self, key: &str, json: &str, material: String, is_new: bool) -> PyResult<()> {
         let sphere: Sphere = parsed("sphere", json)?;
-        let put = self.editor().put_sphere(key, sphere, material, placing(is_new));
+        let put = self.editor().put_sphere(key, sphere, material, put_mode(is_new));
         put.map_err(|error| errors::edit(&error))
     }
 
@@ -288,9 +288,9 @@ impl PyScene {
             moved.push((*time, CornerMesh { positions: positions.rows()?, normals, ..mesh }));
         }
         let put = if moved.is_empty() {
-            self.editor().put_mesh(key, &mesh, materials, placing(is_new))
+            self.editor().put_mesh(key, &mesh, materials, put_mode(is_new))
         } else {
-            self.editor().put_moving_mesh(key, &mesh, &moved, materials, placing(is_new))
+            self.editor().put_moving_mesh(key, &mesh, &moved, materials, put_mode(is_new))
         };
         put.map_err(|error| errors::edit(&error))
     }
@@ -318,7 +318,7 @@ impl PyScene {
             look: if is_round { CurveLook::Round } else { CurveLook::Flat },
             drop_empty,
         };
-        let put = self.editor().put_curves(key, &curves, materials, placing(is_new));
+        let put = self.editor().put_curves(key, &curves, materials, put_mode(is_new));
         put.map_err(|error| errors::edit(&error))
     }
 
@@ -359,7 +359,7 @@ impl PyScene {
             hidden,
             visibility: visibility_of(visibility)?,
         };
-        self.editor().put_object(key, object, placing(is_new)).map_err(|error| errors::edit(&error))
+        self.editor().put_object(key, object, put_mode(is_new)).map_err(|error| errors::edit(&error))
     }
 
     /// Returns the mesh of an object, the keys of its own materials, and the number of its instances.
@@ -373,7 +373,7 @@ impl PyScene {
     fn set_object_materials(&self, key: &str, materials: Vec<String>) -> PyResult<()> {
         let mut editor = self.editor();
         let object = editor.object(key).map_err(|error| errors::edit(&error))?.clone();
-        let put = editor.put_object(key, PlacedObject { materials, ..object }, placing(false));
+        let put = editor.put_object(key, PlacedObject { materials, ..object }, put_mode(false));
         put.map_err(|error| errors::edit(&error))
     }
 
@@ -453,7 +453,7 @@ impl PyScene {
     /// Adds or replaces an image.
     fn put_image(&self, key: &str, pixels: &Bound<'_, PyAny>, color_space: &str, is_new: bool) -> PyResult<()> {
         let image = image_of(key, pixels, color_space)?;
-        self.editor().put_image(key, image, placing(is_new)).map_err(|error| errors::edit(&error))
+        self.editor().put_image(key, image, put_mode(is_new)).map_err(|error| errors::edit(&error))
     }
 
     /// Returns columns and rows of an image.
@@ -500,6 +500,6 @@ impl PyScene {
         if keeps_grids && let Ok(before) = editor.medium(key) {
             medium.variation.clone_from(&before.variation);
         }
-        editor.put_medium(key, medium, placing(is_new)).map_err(|error| errors::edit(&error))
+        editor.put_medium(key, medium, put_mode(is_new)).map_err(|error| errors::edit(&error))
     }
 }

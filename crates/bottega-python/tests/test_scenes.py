@@ -681,7 +681,7 @@ def flat() -> Any:
         (lambda scene: scene.lights.add("a", bottega.SpotLight(inner=50, outer=40)), "`inner` must be the smaller angle"),
         (lambda scene: scene.lights.add("a", bottega.SunLight((0, 0, 0))), "a direction has a length above 0"),
         (lambda scene: scene.cameras.add("a", Camera(np.diag([2.0, 2, 2, 1]))), "the camera `a`: its matrix scales"),
-        (lambda scene: scene.cameras.add("a", Camera(near=2, far=1)), "nothing between its clip planes"),
+        (lambda scene: scene.cameras.add("a", Camera(near=2, far=1)), "clip planes are negative or out of order"),
         (lambda scene: Camera.looking((0, 0, 0), (0, 1, 0)), "`up`"),
         (lambda scene: scene.spheres.add("a", bottega.Sphere((0, 0, 0), 0, "white")), "its radius is not above 0"),
         (lambda scene: scene.media.add("a", bottega.Medium(g=1)), "`g` is 1"),

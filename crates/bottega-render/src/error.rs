@@ -20,11 +20,11 @@ pub enum RenderError {
         height: u32,
     },
     /// The scene violates an invariant of the model, such as an index out of range.
-    #[error("the scene is not sound")]
+    #[error("the scene is invalid")]
     UnsoundScene(#[source] Box<bottega_scene::SceneError>),
     /// Photon mapping does not support the scene's media, or its motion.
     #[error(
-        "photons and lighting agents know nothing of media that scatter, emit or have no surface, nor of light below surfaces, nor of what is visible after some kinds of bounce alone, nor of motion blur; paint this scene by path tracing"
+        "photons and lighting agents do not support media that scatter, emit or have no surface, subsurface scattering, visibility by kind of ray, and motion blur; render this scene by path tracing"
     )]
     PhotonsInMedia,
     /// The acceleration structure cannot be built.
@@ -40,7 +40,7 @@ pub enum RenderError {
     #[error(transparent)]
     Refused(std::sync::Arc<RenderError>),
     /// Work shared with others was abandoned.
-    #[error("the work that is shared out with others was left before its end")]
+    #[error("the shared work was left before its end")]
     Left,
     /// A resource returned an answer of the wrong kind, or none.
     #[error("a unit of work was answered with the wrong kind of result")]

@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 
 pub use bottega_scene::FilmFilter as Filter;
 
-use crate::flat::{FilterRecord, NONE, Portable as _, Words};
+use crate::flat::{FilterRecord, NONE, Portable as _, WordBuffer};
 
 fn radius(filter: Filter) -> f32 {
     match filter {
@@ -99,7 +99,7 @@ impl FilterSampler {
     }
 
     /// Writes the filter, see [`FlatPicture`](crate::flat::FlatPicture).
-    pub(crate) fn write(&self, words: &mut Words) {
+    pub(crate) fn write(&self, words: &mut WordBuffer) {
         let radius = self.radius;
         let table = match &self.shape {
             FilterShape::Uniform => {

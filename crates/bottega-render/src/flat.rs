@@ -10,7 +10,7 @@ mod geometry;
 mod layout;
 mod picture;
 mod record;
-mod words;
+mod word_buffer;
 
 use bottega_image::Aov;
 use bottega_scene::{AlphaMode, EmissionProfile, TextureMap, Visibility};
@@ -24,7 +24,7 @@ pub use layout::{
 };
 pub use picture::{FlatPicture, sobol_table};
 pub use record::{FieldPlace, Portable, Record, place_of, places};
-pub(crate) use words::Words;
+pub(crate) use word_buffer::WordBuffer;
 
 /// Constants of light transport that GPU shaders share; each is documented where it is declared.
 pub mod constants {
@@ -53,16 +53,16 @@ pub struct FlatScene {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotFlat {
     /// Surfaces that are invisible to the camera from behind.
-    #[error("surfaces that the camera sees through from behind")]
+    #[error("surfaces that are invisible to the camera from behind")]
     CulledBacks,
     /// Media that scatter or emit, or are not bounded by refracting surfaces; light that is scattered below surfaces.
     #[error("media that scatter or have no refracting boundary, and subsurface scattering")]
     Media,
     /// Panes, which transmit light straight through without counting as a bounce.
-    #[error("panes that let the light of lamps without extent through")]
+    #[error("panes that transmit the light of lamps without extent")]
     Panes,
     /// A camera that does not see emitters.
-    #[error("a camera from which what shines is hidden")]
+    #[error("a camera that does not see lights")]
     HiddenEmitters,
     /// Curves that face each ray.
     #[error("curves that face each ray")]
@@ -148,7 +148,7 @@ impl FlatScene {
         if !missing.is_empty() {
             return Err(missing);
         }
-        let mut words = Words::with_header(header::COUNT);
+        let mut words = WordBuffer::with_header(header::COUNT);
         geometry::write(prepared, &mut words);
         prepared.lights().write(prepared.scene(), &mut words);
         let (words, pictures) = words.into_inner();

@@ -1,22 +1,30 @@
 //! Surface interactions: from the kernel's hit to the shading record of a point.
 
 mod curve;
+mod emission;
 mod mesh;
 mod moving;
+mod opacity;
+mod query;
 mod relief;
+mod sphere;
 
-use bottega_kernels::{Hit, Ray, math};
+use bottega_kernels::Hit;
 use bottega_scene::{
     ColorParam, FacingCurves, Material, Relief, ReliefRule, ReliefSource, Scene, Spectrum, Sphere, Surface, TextureMap,
-    Visibility,
 };
 use glam::{Affine3A, Mat3, Vec2, Vec3, Vec4};
 use std::f32::consts::PI;
 
-use curve::{CurveSurface, meeting};
+use curve::CurveSurface;
+pub(crate) use emission::{emitted, emitted_by_sphere, material_of, shines};
 use mesh::{TriangleShape, derivatives, footprint, interpolate, lift_off_facets, tangent_at, uvs_at};
 pub(crate) use mesh::{request_triangle, request_vertices};
+pub(crate) use opacity::{opacity_at, opacity_of, opacity_of_sphere};
+pub use query::ASKS_AS_SHADOW;
+pub(crate) use query::{SurfaceQuery, is_there};
 use relief::{bumped_normal, mapped_normal};
+use sphere::sphere_uv;
 
 use crate::{
     bsdf::{LiftedNormal, anisotropy_at},
@@ -483,206 +491,6 @@ struct UvFrame<T, D> {
     tangent: T,
     /// Returns the derivatives of the point by u and by v; `None` if they are undefined.
     derivatives: D,
-}
-
-/// Returns the texture coordinates on a sphere: u around +y, v from the upper pole down.
-fn sphere_uv(sphere: &Sphere, n: Vec3) -> Vec2 {
-    let n = sphere.world_from_object.inverse() * n;
-    let u = 0.5 + math::atan2(n.x, n.z) / (2.0 * PI);
-    Vec2::new(u, math::acos(n.y) / PI)
-}
-
-/// Returns the radiance that a sphere emits at outward normal `n`.
-#[inline(always)]
-pub(crate) fn emitted_by_sphere(scene: &Scene, sphere: &Sphere, n: Vec3, footprint: f32) -> Spectrum {
-    let emission = &scene.materials[sphere.material as usize].emission;
-    if emission.texture.is_none() {
-        return emission.factor;
-    }
-    emission.eval(scene, [sphere_uv(sphere, n); 2], footprint)
-}
-
-/// Returns the radiance that a triangle emits at barycentric coordinates.
-#[inline(always)]
-pub(crate) fn emitted(scene: &Scene, instance: u32, triangle: u32, b: (f32, f32), footprint: f32) -> Spectrum {
-    let instance = &scene.instances[instance as usize];
-    let mesh = &scene.meshes[instance.mesh as usize];
-    let emission = &scene.materials[scene.material_of(instance) as usize].emission;
-    if emission.texture.is_none() {
-        return emission.factor;
-    }
-    emission.eval(scene, uvs_at(mesh, mesh.triangles[triangle as usize], b.0, b.1), footprint)
-}
-
-/// Returns the opacity of a triangle at barycentric coordinates, in [0, 1].
-pub(crate) fn opacity_at(scene: &Scene, instance: u32, triangle: u32, b: (f32, f32)) -> f32 {
-    let world_from_object = &scene.instances[instance as usize].world_from_object;
-    posed_opacity_at(scene, instance, triangle, b, world_from_object)
-}
-
-/// Returns the opacity of a triangle of an instance with this transformation.
-fn posed_opacity_at(scene: &Scene, instance: u32, triangle: u32, b: (f32, f32), world_from_object: &Affine3A) -> f32 {
-    let instance = &scene.instances[instance as usize];
-    let mesh = &scene.meshes[instance.mesh as usize];
-    let vertices = mesh.triangles[triangle as usize];
-    let alpha = interpolate(&mesh.colors, vertices, b.0, b.1).map_or(1.0, |color| color.w);
-    let material = &scene.materials[scene.material_of(instance) as usize];
-    let uvs = uvs_at(mesh, vertices, b.0, b.1);
-    let is_mapped = material.opacity.texture.as_ref().is_some_and(|(map, _)| map.mapping(scene).is_some());
-    if !is_mapped {
-        return material.opacity_at(scene, uvs, 0.0, alpha);
-    }
-    let local = interpolate(&mesh.positions, vertices, b.0, b.1).unwrap_or_default();
-    let mapping_point = MappingPoint::sharp(world_from_object.transform_point3(local));
-    material.opacity_at(scene, TexturePlace { uvs, mapping_point }, 0.0, alpha)
-}
-
-/// Returns the opacity of a sphere at a point on it, in [0, 1].
-///
-/// - `from_center`: vector from the sphere's centre to the point.
-pub(crate) fn opacity_of_sphere(scene: &Scene, sphere: &Sphere, from_center: Vec3) -> f32 {
-    let material = &scene.materials[sphere.material as usize];
-    let uv = sphere_uv(sphere, from_center.normalize_or(Vec3::Y));
-    let mapping_point = MappingPoint::sharp(sphere.center + from_center);
-    material.opacity_at(scene, TexturePlace { uvs: [uv; 2], mapping_point }, 0.0, 1.0)
-}
-
-/// Bit by which a surface's random number for shadow rays differs from that for paths.
-pub const ASKS_AS_SHADOW: u32 = 1 << 31;
-
-/// The kind of ray that tests if a surface is opaque at a hit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum SurfaceQuery {
-    /// A camera ray, up to the path's first vertex.
-    Camera,
-    /// A later ray of a path, if no surface exists for one kind of event and not for another.
-    Path,
-    /// A later ray of a path, by the kind of event that it leaves.
-    Bounce(Visibility),
-    /// The first ray of a photon, which is what a shadow ray is to a path.
-    Photon,
-    /// A shadow ray. Its random numbers are independent of those of the path's previous segment, as both may cross one
-    /// surface.
-    Shadow,
-}
-
-impl SurfaceQuery {
-    /// Returns the kind of the next ray of a path that has this number of vertices.
-    #[inline(always)]
-    pub(crate) fn of_vertex(self, vertices: u32) -> Self {
-        if self == Self::Path && vertices == 0 { Self::Camera } else { self }
-    }
-
-    /// Returns the kind of ray as surfaces distinguish it.
-    fn ray(self) -> Visibility {
-        match self {
-            Self::Camera => Visibility::CAMERA,
-            Self::Path => Visibility::DIFFUSE,
-            Self::Bounce(kind) => kind,
-            Self::Photon | Self::Shadow => Visibility::SHADOW,
-        }
-    }
-
-    /// Returns the key of a surface's random number; it differs between entering and leaving a sphere.
-    fn number_of(self, hit: &Hit, is_left: bool) -> u64 {
-        let kind_bit = if self == Self::Shadow { u64::from(ASKS_AS_SHADOW) } else { 0 };
-        u64::from(hit.instance) << 32 | u64::from(hit.primitive) ^ kind_bit ^ u64::from(is_left)
-    }
-}
-
-/// Returns the material of the surface that was hit.
-pub(crate) fn material_of(surfaces: &Surfaces, hit: &Hit) -> u32 {
-    let scene = surfaces.scene();
-    match hit.sphere() {
-        Some(sphere) => scene.spheres[sphere as usize].material,
-        None => surfaces.material_of(hit.instance),
-    }
-}
-
-/// Returns true if the surface that was hit emits light, on any side.
-pub(crate) fn shines(surfaces: &Surfaces, hit: &Hit) -> bool {
-    surfaces.material(material_of(surfaces, hit)).1.shines
-}
-
-/// Returns the kinds of ray for which the surface that was hit exists.
-fn visibility_of(scene: &Scene, hit: &Hit) -> Visibility {
-    match hit.sphere() {
-        Some(sphere) => scene.spheres[sphere as usize].visibility,
-        None => scene.instances[hit.instance as usize].visibility,
-    }
-}
-
-/// Returns true if the surface of a candidate hit exists for this kind of ray and opaque. `chance` returns a random number in [0, 1) for the key
-/// of a half-transparent surface; equal keys must get equal numbers.
-pub(crate) fn is_there(
-    surfaces: &Surfaces,
-    ray: &Ray,
-    time: f32,
-    hit: &Hit,
-    query: SurfaceQuery,
-    chance: impl FnOnce(u64) -> f32,
-) -> bool {
-    if surfaces.has_visibility() && !visibility_of(surfaces.scene(), hit).has(query.ray()) {
-        return false;
-    }
-    if query == SurfaceQuery::Camera && surfaces.culls_backs() && is_culled(surfaces, ray, time, hit) {
-        return false;
-    }
-    let (opacity, is_left) = opacity_of(surfaces, ray, time, hit);
-    opacity >= 1.0 || (opacity > 0.0 && chance(query.number_of(hit, is_left)) < opacity)
-}
-
-/// Returns true if a candidate hit is the back of a surface that is invisible to the camera from there.
-fn is_culled(surfaces: &Surfaces, ray: &Ray, time: f32, hit: &Hit) -> bool {
-    let scene = &**surfaces.scene();
-    if let Some(index) = hit.sphere() {
-        let moved = surfaces.moved_sphere(index, time);
-        let sphere = moved.as_ref().unwrap_or(&scene.spheres[index as usize]);
-        let ng = ray.origin + hit.t * ray.direction - sphere.center;
-        return scene.materials[sphere.material as usize].culls_back && ng.dot(ray.direction) > 0.0;
-    }
-    if !scene.materials[surfaces.material_of(hit.instance) as usize].culls_back {
-        return false;
-    }
-    let world_from_object = surfaces.world_from_object(hit.instance, time);
-    let corners = surfaces.corners(hit.instance, hit.primitive, time);
-    let [a, b, c] = corners.map(|corner| world_from_object.transform_point3(corner));
-    (b - a).cross(c - a).dot(ray.direction) > 0.0
-}
-
-/// Returns the opacity at a candidate hit at a time, and true if a ray leaves a sphere there.
-pub(crate) fn opacity_of(surfaces: &Surfaces, ray: &Ray, time: f32, hit: &Hit) -> (f32, bool) {
-    let scene = &**surfaces.scene();
-    let moved = hit.sphere().and_then(|index| surfaces.moved_sphere(index, time));
-    let sphere = hit.sphere().map(|index| moved.as_ref().unwrap_or(&scene.spheres[index as usize]));
-    let material = match sphere {
-        Some(sphere) => sphere.material,
-        None => {
-            let mesh = surfaces.mesh(hit.instance);
-            if let Some(curves) = &mesh.curves {
-                let world_from_object = surfaces.world_from_object(hit.instance, time);
-                if meeting(curves, &world_from_object, hit, (ray.origin, ray.direction), ray.t_max).is_none() {
-                    return (0.0, false);
-                }
-            }
-            surfaces.material_of(hit.instance)
-        }
-    };
-    let known = surfaces.material(material).1;
-    if !known.has_opacity || known.is_null {
-        return (if known.is_null { 0.0 } else { 1.0 }, false);
-    }
-    match sphere {
-        Some(sphere) => {
-            let ng = ray.origin + hit.t * ray.direction - sphere.center;
-            (opacity_of_sphere(scene, sphere, ng), ng.dot(ray.direction) > 0.0)
-        }
-        None => {
-            let world_from_object = surfaces.world_from_object(hit.instance, time);
-            let place = (hit.u, hit.v);
-            (posed_opacity_at(scene, hit.instance, hit.primitive, place, &world_from_object), false)
-        }
-    }
 }
 
 #[cfg(test)]

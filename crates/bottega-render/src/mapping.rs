@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn what_shines_has_the_coordinates_of_its_surface() {
+    fn lights_have_the_coordinates_of_their_surface() {
         let mut scene = Scene {
             images: vec![slope()].into(),
             mappings: vec![plain(MappingKind::Planar)],

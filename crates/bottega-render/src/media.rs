@@ -17,7 +17,7 @@ use self::varying::Varying;
 
 /// A medium inside a surface, prepared for rendering.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Filling<'a> {
+pub(crate) enum PreparedMedium<'a> {
     Homogeneous(Homogeneous),
     Varying(Varying<'a>),
 }
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_medium_emits_is_weakened_on_its_way() {
+    fn emission_of_a_medium_is_attenuated_on_its_way() {
         let emitted = medium().emitted(3.0);
         let exact = Spectrum::new(1.0 - (-3.0_f32).exp(), 1.0 - (-6.0_f32).exp(), 9.0);
         assert!((emitted - exact).abs().max_element() < 1e-4, "{emitted} {exact}");

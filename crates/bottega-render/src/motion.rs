@@ -1,7 +1,7 @@
 //! The parts of a scene that move while the shutter is open.
 //!
-//! Times run from 0, when the shutter opens, to 1, when it is closed. A prepared scene holds everything as it is at time 0,
-//! so those who know no time see one moment, and this module has the poses at other times.
+//! Times run from 0, when the shutter opens, to 1, when it is closed. A prepared scene holds all parts at time 0, so
+//! code without motion renders that moment. This module has the poses at other times.
 
 use std::sync::Arc;
 

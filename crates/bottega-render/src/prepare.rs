@@ -17,7 +17,7 @@ use crate::{
     identities::Identities,
     lights::Lights,
     media::{
-        Filling, Homogeneous,
+        Homogeneous, PreparedMedium,
         varying::{Majorants, Varying},
     },
     motion::SceneMotion,
@@ -69,7 +69,7 @@ impl PreparedScene {
     /// Prepares a scene: validates it, builds the acceleration structure and everything else.
     ///
     /// # Errors
-    /// As for [`build_accel`].
+    /// The same as [`build_accel`].
     pub fn new(scene: Arc<Scene>, options: &PrepareOptions) -> Result<Self, RenderError> {
         let accel = build_accel(&scene, options)?;
         Ok(Self::with_accel(scene, accel, options))
@@ -247,11 +247,11 @@ impl PreparedScene {
     }
 
     /// Returns a medium, prepared for rendering.
-    pub(crate) fn medium(&self, id: MediumId) -> Filling<'_> {
+    pub(crate) fn medium(&self, id: MediumId) -> PreparedMedium<'_> {
         let medium = &self.scene().media[id.0 as usize];
         match (&medium.variation, &self.majorants[id.0 as usize]) {
-            (Some(variation), Some(majorants)) => Filling::Varying(Varying::new(medium, variation, majorants)),
-            _ => Filling::Homogeneous(Homogeneous::new(medium)),
+            (Some(variation), Some(majorants)) => PreparedMedium::Varying(Varying::new(medium, variation, majorants)),
+            _ => PreparedMedium::Homogeneous(Homogeneous::new(medium)),
         }
     }
 
@@ -264,7 +264,7 @@ impl PreparedScene {
     }
 
     /// Returns true if paths of a view can learn in a prepass: it has enough pixels and samples, no media, no
-    /// panes, no motion, and nothing that tells the kinds of event apart.
+    /// panes, no motion, and no part that is visible to some kinds of rays only.
     pub fn can_learn(&self, view: View, planned_samples: u32) -> bool {
         /// Smallest number of pixels: fewer give too few paths to learn from, and a poor guide adds noise.
         const PIXELS_MIN: u64 = 128 * 128;

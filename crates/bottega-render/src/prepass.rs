@@ -16,15 +16,15 @@ use crate::{
 /// A prepass belongs to one [`PreparedScene`]; with another one its data is meaningless.
 #[derive(Default)]
 pub struct Prepass {
-    guides: Mutex<Vec<(LearntFor, GuidePlace)>>,
+    guides: Mutex<Vec<(GuideKey, GuidePlace)>>,
     photons: PhotonStore,
     photon_plans: PhotonPlans,
 }
 
 /// The key of a guide: view, samples per pixel, uses of agents, and if paths are guided.
-type LearntFor = (View, u32, AgentUse, bool);
+type GuideKey = (View, u32, AgentUse, bool);
 
-fn learnt_for(view: View, settings: &PathSettings) -> LearntFor {
+fn guide_key(view: View, settings: &PathSettings) -> GuideKey {
     (view, settings.planned_samples, settings.agents, settings.guiding)
 }
 
@@ -78,19 +78,19 @@ impl Prepass {
     /// Returns the guide of a view for the planned number of samples per pixel. The first caller computes it by `learn`;
     /// others wait.
     pub(crate) fn guide(&self, view: View, settings: &PathSettings, learn: impl FnOnce() -> Guide) -> Arc<Guide> {
-        Arc::clone(self.guide_place(learnt_for(view, settings)).get_or_init(|| Arc::new(learn())))
+        Arc::clone(self.guide_place(guide_key(view, settings)).get_or_init(|| Arc::new(learn())))
     }
 
     /// Returns true if the guide exists.
     pub(crate) fn has_guide(&self, view: View, settings: &PathSettings) -> bool {
-        self.guide_place(learnt_for(view, settings)).get().is_some()
+        self.guide_place(guide_key(view, settings)).get().is_some()
     }
 
     /// Serializes the data learnt for a view and settings, for other machines that render the same; `None`: nothing is
     /// learnt yet.
     pub fn learnt(&self, prepared: &PreparedScene, view: View, settings: &PathSettings) -> Option<Vec<u8>> {
         match settings.photons {
-            None => Some(self.guide_place(learnt_for(view, settings)).get()?.to_bytes()),
+            None => Some(self.guide_place(guide_key(view, settings)).get()?.to_bytes()),
             Some(photons) => self.passes(prepared, view, photons, settings.seed, 1).to_bytes(),
         }
     }
@@ -112,22 +112,22 @@ impl Prepass {
             return is_taken.then_some(()).ok_or(UnreadGuide);
         }
         let guide = Guide::from_bytes(bytes)?;
-        self.guide_place(learnt_for(view, settings)).get_or_init(|| Arc::new(guide));
+        self.guide_place(guide_key(view, settings)).get_or_init(|| Arc::new(guide));
         Ok(())
     }
 
-    fn guide_place(&self, of: LearntFor) -> GuidePlace {
+    fn guide_place(&self, key: GuideKey) -> GuidePlace {
         /// Number of guides kept.
         const GUIDES_MAX: usize = 4;
         let mut guides = self.guides.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, place)) = guides.iter().find(|(known, _)| *known == of) {
+        if let Some((_, place)) = guides.iter().find(|(known, _)| *known == key) {
             return Arc::clone(place);
         }
         if guides.len() == GUIDES_MAX {
             guides.remove(0);
         }
         let place = GuidePlace::default();
-        guides.push((of, Arc::clone(&place)));
+        guides.push((key, Arc::clone(&place)));
         place
     }
 }

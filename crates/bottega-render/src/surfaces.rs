@@ -24,7 +24,7 @@ pub struct Surfaces {
     has_curves: bool,
     /// `true`: some surface is not there for some kind of ray.
     has_visibility: bool,
-    /// What moves while the shutter is open.
+    /// Motion while the shutter is open.
     motion: SceneMotion,
 }
 

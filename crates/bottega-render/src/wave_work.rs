@@ -84,7 +84,7 @@ impl Wave {
             return Some("light groups are kept by whole paths on processors");
         }
         if prepared.moves() {
-            return Some("something moves while the shutter is open, and such rays have a time");
+            return Some("something moves while the shutter is open, and its rays need a time");
         }
         if prepared.has_media() || prepared.has_boundaries() {
             return Some("it has media or panes, which change light along a ray");

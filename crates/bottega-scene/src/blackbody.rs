@@ -5,7 +5,7 @@
 
 use crate::color::Spectrum;
 use crate::grid::Grid;
-use crate::spectrum::sampled::{Sampled, planck};
+use crate::spectrum::sampled::{SampledSpectrum, planck};
 
 /// Entries of the table.
 pub(crate) const ENTRIES: usize = 2048;
@@ -42,7 +42,7 @@ impl Blackbody {
     pub fn of_equal_peaks(temperatures: Grid, scale: f32, offset: f32, convert: impl Fn(Spectrum) -> Spectrum) -> Self {
         let color = |kelvin: f64| {
             let peak = planck(WIEN / kelvin, kelvin);
-            convert(Sampled::blackbody(kelvin).scaled(1.0 / peak).pbrt_radiance())
+            convert(SampledSpectrum::blackbody(kelvin).scaled(1.0 / peak).pbrt_radiance())
         };
         Self { temperatures, scale, offset, times_density: true, colors: table(color) }
     }
@@ -52,7 +52,7 @@ impl Blackbody {
     pub fn of_power(temperatures: Grid, scale: f32, offset: f32) -> Self {
         let color = |kelvin: f64| {
             let power = STEFAN_BOLTZMANN / std::f64::consts::PI * 1e-6 * kelvin.powi(4);
-            Sampled::blackbody(kelvin.max(KELVIN_RED)).pbrt_illuminant() * power as f32
+            SampledSpectrum::blackbody(kelvin.max(KELVIN_RED)).pbrt_illuminant() * power as f32
         };
         Self { temperatures, scale, offset, times_density: false, colors: table(color) }
     }
@@ -99,7 +99,7 @@ mod tests {
             let grid = Grid::new([1; 3], vec![kelvin / 10.0 + 5.0], Blend::Nearest).unwrap();
             let color = Blackbody::of_equal_peaks(grid, 10.0, 5.0, |color| color).at(Vec3::splat(0.5));
             let kelvin = f64::from(kelvin);
-            let exact = Sampled::blackbody(kelvin).scaled(1.0 / planck(WIEN / kelvin, kelvin)).pbrt_radiance();
+            let exact = SampledSpectrum::blackbody(kelvin).scaled(1.0 / planck(WIEN / kelvin, kelvin)).pbrt_radiance();
             let error = ((color - exact) / exact.max(Spectrum::splat(0.01 * exact.max_element()))).abs();
             assert!(error.max_element() < 6e-3, "{kelvin}: {color} {exact}");
         }

@@ -11,7 +11,7 @@ use bottega_image::{printable, printable_path};
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
     /// The operating system cannot read a file.
-    #[error("cannot read `{}`{}: check that the file exists and may be read", printable_path(path), asked_by(by))]
+    #[error("cannot read `{}`{}: check that the file exists and may be read", printable_path(path), requested_by(by))]
     Read {
         /// The file that cannot be read.
         path: PathBuf,
@@ -21,7 +21,7 @@ pub enum SceneError {
         source: std::io::Error,
     },
     /// The path leads to a folder, device or pipe.
-    #[error("`{}`{} is {found}, not a file: name the file itself", printable_path(path), asked_by(by))]
+    #[error("`{}`{} is {found}, not a file: name the file itself", printable_path(path), requested_by(by))]
     NotAFile {
         /// The path that is not a file.
         path: PathBuf,
@@ -31,7 +31,7 @@ pub enum SceneError {
         found: &'static str,
     },
     /// An entry of [`LoadOptions::asset_roots`](crate::LoadOptions::asset_roots) is not a folder.
-    #[error("`{}` is no folder that can be read: name one with `--asset-root`", printable_path(path))]
+    #[error("`{}` is not a folder that can be read: name one with `--asset-root`", printable_path(path))]
     NotAFolder {
         /// The path that is not a folder.
         path: PathBuf,
@@ -97,7 +97,7 @@ pub enum SceneError {
     },
     /// The scene uses unsupported features and [`LoadOptions::strict`](crate::LoadOptions::strict) is set.
     #[error(
-        "`{}` asks for what is not supported; remove it, or do without `--strict`:{}",
+        "`{}` has unsupported features; remove them, or do without `--strict`:{}",
         printable_path(path),
         places.iter().map(|warning| format!("\n  {warning}")).collect::<String>()
     )]
@@ -183,18 +183,18 @@ pub enum SceneError {
     },
 }
 
-fn asked_by(by: &str) -> String {
-    if by.is_empty() { String::new() } else { format!(" (asked for by {})", printable(by)) }
+fn requested_by(by: &str) -> String {
+    if by.is_empty() { String::new() } else { format!(" (requested by {})", printable(by)) }
 }
 
 impl SceneError {
     /// Adds the referring file and location to an error of a file that is missing or too large.
-    pub(crate) fn asked_by(self, asking: &str) -> Self {
+    pub(crate) fn requested_by(self, requester: &str) -> Self {
         match self {
-            Self::Read { path, by, source } if by.is_empty() => Self::Read { path, by: asking.into(), source },
-            Self::NotAFile { path, by, found } if by.is_empty() => Self::NotAFile { path, by: asking.into(), found },
+            Self::Read { path, by, source } if by.is_empty() => Self::Read { path, by: requester.into(), source },
+            Self::NotAFile { path, by, found } if by.is_empty() => Self::NotAFile { path, by: requester.into(), found },
             Self::Limit { path, place, problem, remedy } if place.is_empty() => {
-                Self::Limit { path, place: format!("asked for by {asking}"), problem, remedy }
+                Self::Limit { path, place: format!("requested by {requester}"), problem, remedy }
             }
             other => other,
         }

@@ -25,7 +25,7 @@ impl Uvs for [Vec2; 2] {
 }
 
 impl TextureMap {
-    /// Returns the mapping by world position that gives its coordinates; `None`: the surface does.
+    /// Returns the mapping that computes the texture coordinates from world positions; `None`: the surface has them.
     #[inline(always)]
     pub fn mapping<'a>(&self, scene: &'a Scene) -> Option<&'a Mapping> {
         let index = self.uv_set.checked_sub(SURFACE_UV_SETS)?;

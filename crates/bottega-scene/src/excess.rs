@@ -32,8 +32,9 @@ pub(crate) fn warn(scene: &Scene, warnings: &mut Warnings) {
             let most = largest(image) * param.factor.max_element();
             if most > ROUNDING {
                 let name = &image.name;
-                let message =
-                    format!("the picture `{name}` reflects up to {most} times what comes in, and is cut off at 1");
+                let message = format!(
+                    "the picture `{name}` reflects up to {most} times the light that arrives, and is clamped to 1"
+                );
                 warnings.add(format!("materials[{index}]"), message);
             }
         }

@@ -179,7 +179,7 @@ impl FacingCurves {
         } else if !self.points.iter().all(is_sound) {
             "a point of its curves is not finite"
         } else if self.points.last().is_some_and(|point| !point.is_last) || !self.pieces.iter().all(has_end) {
-            "a piece of its curves ends nowhere"
+            "a piece of its curves has no end"
         } else {
             return Ok(());
         };
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ray_meets_what_is_as_wide_as_the_curve() {
+    fn a_ray_meets_a_hull_as_wide_as_the_curve() {
         for (look, depth) in [(CurveLook::Flat, 0.0), (CurveLook::Round, 0.1 * 0.75_f32.sqrt())] {
             let line = curve(look, &[Vec3::NEG_X, Vec3::X]);
             for from in [Vec3::Z, Vec3::new(0.0, 0.6, 0.8), Vec3::NEG_Y] {
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn whichever_part_of_the_hull_a_ray_runs_into_it_meets_the_same_place() {
+    fn a_ray_meets_the_same_place_through_any_part_of_the_hull() {
         let bend: Vec<Vec3> = (0..=8)
             .map(|i| {
                 let (sin, cos) = (0.2 * i as f32).sin_cos();
@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_unsound_is_found() {
+    fn unsound_curves_are_found() {
         let line = curve(CurveLook::Flat, &[Vec3::NEG_X, Vec3::X]);
         assert!(line.check(1).is_ok() && line.check(2).is_err());
         let broken = |change: fn(&mut FacingCurves)| {

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::param::{ColorParam, ScalarParam};
 
-/// What a fibre absorbs.
+/// Absorption within a fibre.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Pigment {
@@ -37,7 +37,7 @@ pub enum Strand {
 /// Hair and fur (Chiang et al. 2016, A Practical and Controllable Hair and Fur Model for Production Path Tracing).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Hair {
-    /// What a fibre absorbs.
+    /// Absorption within a fibre.
     pub pigment: Pigment,
     /// Index of refraction of the fibre over that of the outside.
     pub eta: f32,

@@ -10,13 +10,13 @@ pub struct IntegratorHint {
     /// Location in the file, such as `scene.pbrt:3:1`; may be empty.
     pub place: String,
     /// Transport paths that the integrator finds.
-    pub follows: Follows,
+    pub follows: TransportPaths,
 }
 
 /// The transport paths of an integrator, which select an integrator of ours.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Follows {
+pub enum TransportPaths {
     /// Paths from the camera.
     Paths {
         /// `true`: the integrator equals our path tracer, so nothing is replaced.

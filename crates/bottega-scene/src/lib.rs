@@ -100,7 +100,7 @@ pub use blackbody::Blackbody;
 pub use camera::{Camera, Clip, FovAxis, Panorama, Projection};
 pub use color::Spectrum;
 pub use edit::{
-    CornerMesh, CurveStrands, EditError, EditedLight, EditedLightKind, EntryKind, MatrixRows, PlacedObject, Placing,
+    CornerMesh, CurveStrands, EditError, EditedLight, EditedLightKind, EntryKind, MatrixRows, PlacedObject, PutMode,
     SceneEditor,
 };
 pub use emission::EmissionProfile;
@@ -113,7 +113,7 @@ pub use hints::{FilmFilter, Metadata, RenderHints};
 pub use image::pyramid::Encoding;
 pub use image::raw::{LevelTexels, linear_of_srgb_codes};
 pub use image::{Image, linear_of_srgb};
-pub use integrator::{Follows, IntegratorHint, PhotonHints};
+pub use integrator::{IntegratorHint, PhotonHints, TransportPaths};
 pub use light::{Environment, EnvironmentMapping, Light, LightKind, Portal, SpotFalloff};
 pub use load::{Loaded, load};
 pub use material::{AlphaMode, Back, Material, Relief, ReliefRule, ReliefSource, Sides};

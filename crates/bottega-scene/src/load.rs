@@ -15,7 +15,7 @@ use crate::image::decode::{DecodedImage, PictureHeader};
 use crate::image::error::PictureError;
 use crate::image::pictures::too_large;
 use crate::image::pyramid::Encoding;
-use crate::import::request::{ImportRequest, Imported};
+use crate::import::request::{ImportOutput, ImportRequest};
 use crate::light::Environment;
 use crate::model::Scene;
 use crate::options::LoadOptions;
@@ -66,7 +66,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     options.add_choices(&mut digest);
     // A saved scene is read as it is: nothing is moved or added.
     let is_saved = saved::recognizes(&file);
-    let import: fn(&ImportRequest<'_>, &mut Warnings) -> Result<Imported, SceneError> = if is_saved {
+    let import: fn(&ImportRequest<'_>, &mut Warnings) -> Result<ImportOutput, SceneError> = if is_saved {
         saved::import
     } else if gltf::recognizes(path, &file) {
         gltf::import
@@ -211,13 +211,13 @@ mod tests {
     use crate::model::Mesh;
 
     #[test]
-    fn colours_of_vertices_that_cannot_be_computed_with_are_told() {
+    fn vertex_colours_that_are_not_finite_are_reported() {
         let colors = vec![Vec4::new(0.5, f32::INFINITY, 1e30, 1.0), Vec4::new(f32::NAN, 0.25, 0.0, 1.0)];
         let mut scene = Scene { meshes: vec![Mesh { colors, ..Mesh::default() }].into(), ..Scene::default() };
         let mut warnings = Warnings::default();
         mend_colors(&mut scene, &mut warnings);
         assert_eq!(scene.meshes[0].colors, [Vec4::ONE.with_x(0.5), Vec4::new(0.0, 0.25, 0.0, 1.0)]);
-        let told = warnings.finish();
-        assert!(told.len() == 1 && told[0].place == "meshes[0]", "{told:?}");
+        let reported = warnings.finish();
+        assert!(reported.len() == 1 && reported[0].place == "meshes[0]", "{reported:?}");
     }
 }

@@ -312,7 +312,7 @@ impl Scene {
     }
 
     /// Returns the least and greatest coordinates of all surfaces, at all keys, world space; both 0 if there are none. The box of an
-    /// instance is that of its mesh's transformed box, so it may be larger than needed.
+    /// instance encloses its mesh's transformed box, so it may be larger than needed.
     pub fn bounds(&self) -> (Vec3, Vec3) {
         let bounds: Vec<(Vec3, Vec3)> = self.meshes.shared().par_iter().map(|mesh| mesh.bounds()).collect();
         let instances =

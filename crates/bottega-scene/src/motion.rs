@@ -25,9 +25,9 @@ pub struct Shutter {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TransformKey {
-    /// Time of the key.
+    /// Time of the key, in the unit of the file.
     pub time: f64,
-    /// The transformation then.
+    /// Transformation at that time.
     #[serde(with = "crate::numbers")]
     pub transform: Affine3A,
 }
@@ -35,7 +35,7 @@ pub struct TransformKey {
 /// The vertices of a mesh at a time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshKey {
-    /// Time of the key.
+    /// Time of the key, in the unit of the file.
     pub time: f64,
     /// Vertex positions, object space: as many as those of the mesh.
     pub positions: Vec<Vec3>,
@@ -47,7 +47,7 @@ pub struct MeshKey {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SphereKey {
-    /// Time of the key.
+    /// Time of the key, in the unit of the file.
     pub time: f64,
     /// Centre, world space.
     #[serde(with = "crate::numbers")]

@@ -19,7 +19,7 @@ pub(crate) enum Reason {
 
 /// Parameters of some plugins or types that have no effect.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Needless<Kind> {
+pub(crate) struct NeedlessParameters<Kind> {
     /// Kind of the plugins, such as sensors.
     pub(crate) kind: Kind,
     /// Names of plugins or types; empty: all of the kind.
@@ -27,11 +27,11 @@ pub(crate) struct Needless<Kind> {
     /// Names of the parameters; empty: all that are not read.
     pub(crate) names: &'static [&'static str],
     /// The reason; documented in `docs/guides/scenes.md`.
-    #[cfg_attr(not(test), expect(dead_code, reason = "it is for who reads the table, and for the test of the manual"))]
+    #[cfg_attr(not(test), expect(dead_code, reason = "for readers of the table and the test of the manual"))]
     pub(crate) reason: Reason,
 }
 
-impl<Kind: PartialEq> Needless<Kind> {
+impl<Kind: PartialEq> NeedlessParameters<Kind> {
     /// Returns true if the list has the parameter of a plugin.
     pub(crate) fn covers(&self, kind: &Kind, plugin: &str, name: &str) -> bool {
         let is_of = |list: &[&str], name: &str| list.is_empty() || list.contains(&name);
@@ -43,7 +43,7 @@ impl<Kind: PartialEq> Needless<Kind> {
 ///
 /// - `column`: column of the format in the table.
 #[cfg(test)]
-pub(crate) fn check_manual<Kind>(rows: &[Needless<Kind>], column: usize) {
+pub(crate) fn check_manual<Kind>(rows: &[NeedlessParameters<Kind>], column: usize) {
     let manual = include_str!("../../../docs/guides/scenes.md");
     let table = manual.split("## Parameters that change nothing").nth(1).expect("the manual has the table");
     let lines: Vec<&str> = table.lines().filter(|line| line.starts_with('|')).skip(2).collect();

@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn objects_are_read_as_ever() {
+    fn ordinary_objects_are_read_unchanged() {
         let json = r#"{"name": "a", "sizes": [1, 2], "inner": {"name": "b", "sizes": [0.5, -1], "inner": null},
             "all": [{"name": "c", "sizes": [0, 0]}],
             "named": {"x": "Plain", "y": {"Number": 2}, "z": {"Pair": [1, 2]},
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn a_list_is_no_object_at_any_depth() {
+    fn a_list_is_not_an_object_at_any_depth() {
         for json in [
             r#"["a", [1, 2], null, [], {}]"#,
             r#"{"name": "a", "sizes": [1, 2], "inner": ["b", [1, 2], null, [], {}]}"#,

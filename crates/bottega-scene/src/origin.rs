@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn scenes_are_far_by_what_stands_around_the_camera() {
+    fn scenes_are_far_by_the_surfaces_around_the_camera() {
         let far = Vec3::new(1e5, 0.0, -1e5);
         let near = [(Vec3::X, 1.0), (Vec3::Y * 3.0, 0.5), (Vec3::ZERO, 10.0)];
         assert_eq!(far_origin(&scene(Vec3::Z * 6.0, &near)), None);
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_far_away_loses_nothing() {
+    fn distant_vertices_keep_their_precision() {
         let far = DVec3::new(100_000.123, -20.0, 400_000.456);
         type SceneText = fn(DVec3) -> String;
         for (name, text) in [("scene.gltf", gltf as SceneText), ("scene.xml", mitsuba), ("scene.pbrt", pbrt)] {
@@ -236,13 +236,13 @@ mod tests {
     }
 
     #[test]
-    fn vertices_that_are_rounded_are_told_of() {
+    fn rounded_vertices_are_reported() {
         let text = "v 100000 0 0\nv 100001 0 0\nv 100000 1 0\nf 1 2 3\n";
         let loaded = loaded("scene.obj", text);
         assert!(loaded.scene.origin.x > 99_999.0);
         let (min, max) = loaded.scene.bounds();
         assert!((max - min).distance(Vec3::new(1.0, 1.0, 0.0)) < 1e-6 && max.abs().max_element() < 2.0);
-        let told = loaded.warnings.iter().map(ToString::to_string).collect::<String>();
-        assert!(told.contains("rounds to 7.81e-3"), "{told}");
+        let warnings = loaded.warnings.iter().map(ToString::to_string).collect::<String>();
+        assert!(warnings.contains("rounds to 7.81e-3"), "{warnings}");
     }
 }

@@ -25,7 +25,7 @@ pub(crate) struct Text<'a> {
 
 /// The encoding of a file without a byte order mark.
 #[derive(Clone, Copy)]
-enum Unmarked {
+enum DefaultEncoding {
     /// UTF-8, or windows-1252 if it is not valid UTF-8.
     Guessed,
     /// This encoding; other bytes are an error.
@@ -36,12 +36,12 @@ enum Unmarked {
 ///
 /// - `path`: for errors.
 pub(crate) fn decode<'a>(path: &Path, bytes: &'a [u8], budget: &MemoryBudget) -> Result<Text<'a>, SceneError> {
-    decode_as(path, bytes, Unmarked::Guessed, budget)
+    decode_as(path, bytes, DefaultEncoding::Guessed, budget)
 }
 
 /// Decodes a file that is UTF-8 by its format, such as JSON, unless a byte order mark says otherwise.
 pub(crate) fn decode_utf8<'a>(path: &Path, bytes: &'a [u8], budget: &MemoryBudget) -> Result<Cow<'a, str>, SceneError> {
-    decode_as(path, bytes, Unmarked::Known(UTF_8), budget).map(|text| text.text)
+    decode_as(path, bytes, DefaultEncoding::Known(UTF_8), budget).map(|text| text.text)
 }
 
 /// Decodes XML: by its byte order mark, its declaration, or else as UTF-8.
@@ -54,12 +54,12 @@ pub(crate) fn decode_xml<'a>(path: &Path, bytes: &'a [u8], budget: &MemoryBudget
             Some(encoding) => encoding,
             None => {
                 let label = String::from_utf8_lossy(label);
-                let problem = format!("the encoding `{}` is not known; {REMEDY}", shortened(&label));
+                let problem = format!("the encoding `{}` is unknown; {REMEDY}", shortened(&label));
                 return Err(SceneError::Text { path: path.into(), line: 1, column: 1, problem });
             }
         },
     };
-    decode_as(path, bytes, Unmarked::Known(encoding), budget).map(|text| text.text)
+    decode_as(path, bytes, DefaultEncoding::Known(encoding), budget).map(|text| text.text)
 }
 
 /// Returns the encoding that an XML declaration names.
@@ -75,15 +75,15 @@ fn declared(bytes: &[u8]) -> Option<&[u8]> {
 fn decode_as<'a>(
     path: &Path,
     bytes: &'a [u8],
-    unmarked: Unmarked,
+    unmarked: DefaultEncoding,
     budget: &MemoryBudget,
 ) -> Result<Text<'a>, SceneError> {
     let fault = |line, column, problem| SceneError::Text { path: path.into(), line, column, problem };
     let (encoding, body) = match (Encoding::for_bom(bytes), utf16_without_mark(bytes), unmarked) {
         (Some((encoding, length)), ..) => (encoding, &bytes[length..]),
         (None, Some(encoding), _) => (encoding, bytes),
-        (None, None, Unmarked::Known(encoding)) => (encoding, bytes),
-        (None, None, Unmarked::Guessed) => (UTF_8, bytes),
+        (None, None, DefaultEncoding::Known(encoding)) => (encoding, bytes),
+        (None, None, DefaultEncoding::Guessed) => (UTF_8, bytes),
     };
     let mut guess = None;
     let text = if encoding == UTF_8 {
@@ -92,12 +92,12 @@ fn decode_as<'a>(
             Err(error) => {
                 let (line, column) = line_and_column(body, error.valid_up_to());
                 let byte = body[error.valid_up_to()];
-                let may_guess = matches!(unmarked, Unmarked::Guessed) && body.len() == bytes.len();
+                let may_guess = matches!(unmarked, DefaultEncoding::Guessed) && body.len() == bytes.len();
                 if !may_guess || body.iter().any(|&byte| is_no_text(byte)) {
                     let problem = format!("the byte {byte:#04x} is neither UTF-8 nor other text; {REMEDY}");
                     return Err(fault(line, column, problem));
                 }
-                guess = Some((line, "this is no UTF-8; the file is read as windows-1252".into()));
+                guess = Some((line, "this is not UTF-8; the file is read as windows-1252".into()));
                 // A byte becomes at most three bytes of UTF-8.
                 budget.check(path, body.len().saturating_mul(3))?;
                 WINDOWS_1252.decode_without_bom_handling(body).0
@@ -116,7 +116,11 @@ fn decode_as<'a>(
     if text.as_bytes().contains(&0) {
         let offset = text.find('\0').unwrap_or(0);
         let (line, column) = line_and_column(text.as_bytes(), offset);
-        return Err(fault(line, column, format!("a zero byte: this is no text, or in an unknown encoding; {REMEDY}")));
+        return Err(fault(
+            line,
+            column,
+            format!("a zero byte: this is not text, or its encoding is unknown; {REMEDY}"),
+        ));
     }
     Ok(Text { text: with_newlines(text), guess })
 }
@@ -211,14 +215,14 @@ mod tests {
     }
 
     #[test]
-    fn what_old_programs_wrote_is_told() {
+    fn old_encodings_are_reported() {
         let text = decode(Path::new("a"), b"# one\nusemtl W\xe4nde\n", &budget()).unwrap();
         assert_eq!(text.text, "# one\nusemtl Wände\n");
         assert_eq!(text.guess.unwrap().0, 2);
     }
 
     #[test]
-    fn what_is_no_text_is_an_error_with_its_place() {
+    fn binary_data_is_an_error_with_its_place() {
         for (bytes, place) in [
             (&b"a\nb\xff\x00c"[..], "line 2, column 2"),
             (b"a\n\x00", "line 2, column 1"),

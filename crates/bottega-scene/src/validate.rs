@@ -74,26 +74,29 @@ impl Scene {
         let has_image = environment.image.is_none_or(|image| (image.0 as usize) < self.images.len());
         check(has_image, "its image does not exist")?;
         check(is_color_factor(environment.factor), FACTOR)?;
-        check(is_orthonormal(&environment.world_from_environment), "its orientation is no rotation")?;
-        check(environment.portals.iter().all(is_rectangle), "a portal is no rectangle")
+        check(is_orthonormal(&environment.world_from_environment), "its orientation is not a rotation")?;
+        check(environment.portals.iter().all(is_rectangle), "a portal is not a rectangle")
     }
 
     /// Checks a camera of the scene.
     pub(crate) fn check_camera(&self, camera: &Camera) -> Result<(), Violation> {
         check(camera.world_from_camera.is_finite(), "its transformation is not finite")?;
-        check(camera.lens_radius >= 0.0 && camera.lens_radius.is_finite(), "its lens has no radius")?;
-        check(camera.focus_distance > 0.0, "its focus is not before it")?;
-        check(camera.lens_shift.is_finite(), "its lens is not at a place")?;
-        check(camera.pixel_aspect.is_normal() && camera.pixel_aspect > 0.0, "its pixels have no shape")?;
+        check(
+            camera.lens_radius >= 0.0 && camera.lens_radius.is_finite(),
+            "its lens radius is negative or not finite",
+        )?;
+        check(camera.focus_distance > 0.0, "its focus distance is not above 0")?;
+        check(camera.lens_shift.is_finite(), "its lens shift is not finite")?;
+        check(camera.pixel_aspect.is_normal() && camera.pixel_aspect > 0.0, "its pixel aspect ratio is not above 0")?;
         let Clip { near, far } = camera.clip;
-        check(near >= 0.0 && near.is_finite() && far > near, "there is nothing between its clip planes")?;
+        check(near >= 0.0 && near.is_finite() && far > near, "its clip planes are negative or out of order")?;
         self.check_medium_id(camera.medium)?;
         let is_sound = match camera.projection {
             Projection::Perspective { vertical_fov } => vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI,
             Projection::Orthographic { height } => height > 0.0 && height.is_finite(),
             Projection::Panorama(_) => true,
         };
-        check(is_sound, "its projection shows nothing")?;
+        check(is_sound, "its field of view or height is out of range")?;
         check_transform_keys(&camera.motion)
     }
 
@@ -127,7 +130,7 @@ impl Scene {
         for map in material.textures() {
             check((map.image.0 as usize) < self.images.len(), format!("there is no image {}", map.image.0))?;
             let sets = usize::from(SURFACE_UV_SETS) + self.mappings.len();
-            check(usize::from(map.uv_set) < sets, "a texture has coordinates that there are not")?;
+            check(usize::from(map.uv_set) < sets, "a texture uses coordinates that do not exist")?;
             check(map.picture_from_uv.is_finite(), "a texture transformation is not finite")?;
         }
         let emission = material.emission.texture.as_ref();
@@ -158,7 +161,10 @@ impl Scene {
     }
 
     fn check_surface(&self, surface: &Surface) -> Result<(), Violation> {
-        check(!surface.blends_null(), "a part of a blend is `Null`: `Surface::blend` makes a clear sheet of it")?;
+        check(
+            !surface.blends_null(),
+            "a part of a blend is `Null`: use `Surface::blend`, which makes a clear sheet of it",
+        )?;
         let (colors, scalars) = surface.params();
         check(colors.into_iter().all(is_color), FACTOR)?;
         check(scalars.into_iter().all(|scalar| is_factor(scalar.factor)), FACTOR)?;
@@ -185,14 +191,17 @@ impl Scene {
             }
             LightKind::Goniometric { position, world_from_light, image, intensity } => {
                 check((image.0 as usize) < self.images.len(), "its picture does not exist")?;
-                check(is_orthonormal(&world_from_light), "its orientation is no rotation")?;
+                check(is_orthonormal(&world_from_light), "its orientation is not a rotation")?;
                 (intensity, position, None)
             }
             LightKind::Projector { world_from_light, picture, intensity, vertical_fov, aspect } => {
                 check((picture.image.0 as usize) < self.images.len(), "its picture does not exist")?;
-                check(picture.picture_from_uv.is_finite(), "its picture is nowhere")?;
+                check(picture.picture_from_uv.is_finite(), "the transformation of its picture is not finite")?;
                 let is_sound = vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI;
-                check(is_sound && aspect > 0.0 && aspect.is_finite(), "its picture shows nowhere")?;
+                check(
+                    is_sound && aspect > 0.0 && aspect.is_finite(),
+                    "its field of view or aspect ratio is out of range",
+                )?;
                 check(world_from_light.is_finite(), "its transformation is not finite")?;
                 (intensity, world_from_light.translation.into(), None)
             }
@@ -222,7 +231,7 @@ pub(crate) fn check_sphere(sphere: &Sphere) -> Result<(), Violation> {
     check(sphere.radius > 0.0 && sphere.radius <= COORDINATE_MAX, "its radius is not above 0")?;
     let is_in_reach = sphere.center.abs().max_element() <= COORDINATE_MAX && sphere.center.is_finite();
     check(is_in_reach, "its centre is out of reach")?;
-    check(sphere.world_from_object.is_normalized(), "its orientation is no rotation")?;
+    check(sphere.world_from_object.is_normalized(), "its orientation is not a rotation")?;
     check_times(sphere.motion.iter().map(|key| key.time))?;
     for key in &sphere.motion {
         check_sphere(&Sphere {
@@ -242,7 +251,7 @@ pub(crate) fn check_medium(medium: &Medium) -> Result<(), Violation> {
     check(coefficients.into_iter().all(is_color_factor), "a coefficient is negative, not finite or above 1e15")?;
     check(medium.g > -1.0 && medium.g < 1.0, "its asymmetry is not between -1 and 1")?;
     let is_placed = medium.variation.as_ref().is_none_or(|variation| variation.grid_from_world.is_finite());
-    check(is_placed, "its grid is nowhere")
+    check(is_placed, "the transformation of its grid is not finite")
 }
 
 fn is_orthonormal(matrix: &glam::Mat3) -> bool {

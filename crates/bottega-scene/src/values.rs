@@ -32,7 +32,7 @@ pub(crate) fn mend(values: &mut [f32]) -> Option<String> {
             *value = largest.copysign(*value);
         }
     }
-    let nones = (nones > 0).then(|| format!("{nones} of its values are no numbers, and count as 0"));
+    let nones = (nones > 0).then(|| format!("{nones} of its values are not numbers, and count as 0"));
     let enormous = (enormous > 0).then(|| {
         let limit = VALUE_MAX;
         format!("{enormous} of its values are infinite or above {limit:e}, and count as {largest}, the largest of the others")
@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_cannot_be_computed_with_becomes_a_number_and_is_told() {
+    fn values_that_are_not_finite_become_numbers_and_are_reported() {
         let mended = |values: &[f32]| {
             let mut values = values.to_vec();
             let note = mend(&mut values);
@@ -56,7 +56,7 @@ mod tests {
         assert_eq!(values, [0.0, 5.0, 5.0, 5.0, -5.0]);
         let note = note.unwrap();
         assert!(
-            note.contains("1 of its values are no numbers") && note.contains("3 of its values are infinite"),
+            note.contains("1 of its values are not numbers") && note.contains("3 of its values are infinite"),
             "{note}"
         );
         assert_eq!(mended(&[f32::INFINITY]).0, [0.0]);

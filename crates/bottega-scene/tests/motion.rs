@@ -83,11 +83,7 @@ fn wrong_times_of_pbrt_are_errors() {
     assert!(late.contains("TransformTimes") && late.contains("scene.pbrt`, line 1, column 1"), "{late}");
     let flat = "WorldBegin ActiveTransform EndTime Scale 1 0 1 ActiveTransform All Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0]";
     let loaded = load_text("scene.pbrt", flat).unwrap();
-    assert!(
-        warnings(&loaded).contains("stands where it starts") && !loaded.scene.has_motion(),
-        "{}",
-        warnings(&loaded)
-    );
+    assert!(warnings(&loaded).contains("stays where it starts") && !loaded.scene.has_motion(), "{}", warnings(&loaded));
 }
 
 fn mitsuba(content: &str) -> String {

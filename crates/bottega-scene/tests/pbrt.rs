@@ -4,8 +4,8 @@ use std::path::Path;
 
 use crate::mutation::{Random, damage, survive};
 use bottega_scene::{
-    AlphaMode, CurveLook, FilmFilter, Follows, FovAxis, Hair, LightKind, LoadOptions, Loaded, Mesh, Panorama,
-    PhotonHints, Pigment, Projection, RadiusMeaning, Scene, SceneError, Sides, Spectrum, Substance, Surface, Wrap,
+    AlphaMode, CurveLook, FilmFilter, FovAxis, Hair, LightKind, LoadOptions, Loaded, Mesh, Panorama, PhotonHints,
+    Pigment, Projection, RadiusMeaning, Scene, SceneError, Sides, Spectrum, Substance, Surface, TransportPaths, Wrap,
     load,
 };
 use glam::{Vec2, Vec3};
@@ -45,7 +45,7 @@ fn front(scene: &Scene, instance: usize) -> Vec3 {
 const TRIANGLE: &str = r#"Shape "trianglemesh" "point3 P" [ 0 0 0 1 0 0 0 1 0 ]"#;
 
 #[test]
-fn the_corpus_becomes_what_it_describes() {
+fn the_corpus_becomes_the_scenes_it_describes() {
     let loaded = load(&Path::new(CORPUS).join("box.pbrt"), &LoadOptions::default()).unwrap();
     let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
     assert_eq!(warnings, Vec::<String>::new());
@@ -151,7 +151,7 @@ fn project(scene: &Scene, aspect: f32, point: Vec3) -> Vec2 {
 }
 
 #[test]
-fn cameras_see_what_pbrts_see() {
+fn cameras_have_the_view_of_pbrt() {
     let camera = |head: &str| load_text(&format!("{head} WorldBegin {TRIANGLE}")).unwrap().scene;
     let wide = r#"Film "rgb" "integer xresolution" 200 "integer yresolution" 100"#;
     // Left-handed: from −z towards +z, +x is on the right.
@@ -414,11 +414,11 @@ fn integrators_say_from_where_they_follow_light() {
     };
     assert_eq!(hint(""), None);
     for (name, follows) in [
-        ("volpath", Follows::Paths { is_ours: true }),
-        ("simplepath", Follows::Paths { is_ours: false }),
-        ("bdpt", Follows::BothEnds),
-        ("mlt", Follows::BothEnds),
-        ("lightpath", Follows::BothEnds),
+        ("volpath", TransportPaths::Paths { is_ours: true }),
+        ("simplepath", TransportPaths::Paths { is_ours: false }),
+        ("bdpt", TransportPaths::BothEnds),
+        ("mlt", TransportPaths::BothEnds),
+        ("lightpath", TransportPaths::BothEnds),
     ] {
         let hint = hint(&format!("Integrator \"{name}\"")).expect(name);
         assert_eq!((hint.name.as_str(), hint.follows), (name, follows));
@@ -427,10 +427,10 @@ fn integrators_say_from_where_they_follow_light() {
     let photons = |text: &str| hint(text).map(|hint| hint.follows);
     let film = "Film \"rgb\" \"integer xresolution\" 20 \"integer yresolution\" 10";
     let by_pixels = PhotonHints { count: Some(200), radius: Some(1.0), ..PhotonHints::default() };
-    assert_eq!(photons(&format!("{film} Integrator \"sppm\"")), Some(Follows::Photons(by_pixels)));
+    assert_eq!(photons(&format!("{film} Integrator \"sppm\"")), Some(TransportPaths::Photons(by_pixels)));
     let given = PhotonHints { count: Some(5000), radius: Some(0.075), ..PhotonHints::default() };
     let text = "Integrator \"sppm\" \"integer photonsperiteration\" 5000 \"float radius\" 0.075";
-    assert_eq!(photons(text), Some(Follows::Photons(given)));
+    assert_eq!(photons(text), Some(TransportPaths::Photons(given)));
 }
 
 #[test]
@@ -472,7 +472,7 @@ fn many_small_meshes_of_one_material_are_joined() {
 }
 
 #[test]
-fn what_is_not_supported_is_named_and_refused_where_the_user_is_strict() {
+fn unsupported_parts_are_named_and_refused_when_strict() {
     let text =
         "WorldBegin\nMaterial \"measured\" \"string filename\" \"x.bsdf\"\n  Shape \"sphere\" \"float wobble\" 1\n";
     let loaded = load_text(text).unwrap();
@@ -490,7 +490,7 @@ fn what_is_not_supported_is_named_and_refused_where_the_user_is_strict() {
 #[test]
 fn every_error_names_the_place() {
     let cases = [
-        ("Shape \"sphere\"", (1, 1), "behind WorldBegin"),
+        ("Shape \"sphere\"", (1, 1), "after WorldBegin"),
         ("WorldBegin\nCamera \"perspective\"", (2, 1), "before WorldBegin"),
         ("WorldBegin AttributeBegin", (1, 12), "no AttributeEnd"),
         ("WorldBegin\n AttributeEnd", (2, 2), "without AttributeBegin"),
@@ -522,7 +522,7 @@ fn every_error_names_the_place() {
             (1, 66),
             "no vertex -1",
         ),
-        ("WorldBegin Shape \"trianglemesh\" \"point3 P\" [ 0 0 0 1 0 0 0 1 ]", (1, 33), "no multiple of 3"),
+        ("WorldBegin Shape \"trianglemesh\" \"point3 P\" [ 0 0 0 1 0 0 0 1 ]", (1, 33), "not a multiple of 3"),
         ("WorldBegin Shape \"trianglemesh\" \"point3 P\" [ 0 0 0 1 0 0 0 1e30 0 ]", (1, 33), "beyond"),
         ("WorldBegin Scale 1e30 1e30 1e30 Shape \"disk\"", (1, 33), "out of reach"),
         ("WorldBegin NamedMaterial \"m\" Shape \"sphere\"", (1, 26), "no material"),
@@ -566,7 +566,7 @@ fn every_error_names_the_place() {
 }
 
 #[test]
-fn files_for_pbrt_v3_are_told_apart() {
+fn files_for_pbrt_v3_are_recognized() {
     for text in [
         "Film \"image\" WorldBegin",
         "Sampler \"lowdiscrepancy\" WorldBegin",
@@ -627,7 +627,7 @@ fn memory_is_bounded() {
         assert!(matches!(load_with(text, &options), Err(SceneError::Limit { .. })), "{}", &text[..80]);
     }
     let finer = subdivided.replace(" 9 ", " 12 ");
-    assert!(load_with(&finer, &options).unwrap_err().to_string().contains("would make more than"));
+    assert!(load_with(&finer, &options).unwrap_err().to_string().contains("make more than"));
     assert!(load_with(&nested, &options).unwrap_err().to_string().contains("blocks within each other"));
     // Twice as many textures in each step.
     let mut text = String::from("WorldBegin Texture \"t0\" \"spectrum\" \"checkerboard\" ");
@@ -740,18 +740,18 @@ fn text_may_be_in_any_encoding() {
 }
 
 #[test]
-fn missing_files_are_asked_for_somewhere() {
+fn errors_about_missing_files_name_the_line_that_needs_them() {
     for text in
         ["WorldBegin\nInclude \"no.pbrt\"\n", "WorldBegin\nShape \"plymesh\" \"string filename\" [ \"no.ply\" ]\n"]
     {
         let error = load_text(text).unwrap_err();
         assert!(matches!(error, SceneError::Read { .. }), "{error:?}");
-        assert!(error.to_string().contains("(asked for by scene.pbrt:2:"), "{error}");
+        assert!(error.to_string().contains("(requested by scene.pbrt:2:"), "{error}");
     }
 }
 
 #[test]
-fn what_is_known_and_not_followed_is_refused_when_strict() {
+fn known_but_unsupported_parameters_are_refused_when_strict() {
     let heads = [
         r#"Integrator "path" "bool regularize" true"#,
         r#"Integrator "bdpt" "bool visualizestrategies" true"#,

@@ -16,7 +16,7 @@ fn world(text: &str) -> Result<Loaded, SceneError> {
 }
 
 /// The warnings about unsupported features.
-fn told(loaded: &Loaded) -> Vec<String> {
+fn warnings(loaded: &Loaded) -> Vec<String> {
     let warnings = loaded.warnings.iter().map(ToString::to_string);
     warnings.filter(|warning| !warning.contains("no light")).collect()
 }
@@ -28,7 +28,7 @@ fn textured(before: &str, params: &str) -> Scene {
         Material "diffuse" "texture reflectance" "t" {TRIANGLE}"#
     ));
     let loaded = loaded.unwrap_or_else(|error| panic!("{error}"));
-    assert_eq!(told(&loaded), [""; 0]);
+    assert_eq!(warnings(&loaded), [""; 0]);
     loaded.scene
 }
 
@@ -77,7 +77,7 @@ fn a_checkerboard_of_three_dimensions_is_one_of_space() {
         Material "diffuse" "texture reflectance" "t" {TRIANGLE}"#
     ));
     let loaded = loaded.unwrap_or_else(|error| panic!("{error}"));
-    assert_eq!(told(&loaded), [""; 0]);
+    assert_eq!(warnings(&loaded), [""; 0]);
     let map = map_of(&loaded.scene);
     let mapping = map.mapping(&loaded.scene).unwrap();
     assert_eq!(mapping.kind, MappingKind::Cells);
@@ -101,7 +101,7 @@ fn a_checkerboard_of_three_dimensions_is_one_of_space() {
 }
 
 #[test]
-fn what_is_built_of_textures_is_laid_as_they_are() {
+fn combined_textures_keep_the_mapping_of_their_parts() {
     let spherical = r#""string mapping" "spherical""#;
     let text = |second: &str| {
         format!(
@@ -117,7 +117,7 @@ fn what_is_built_of_textures_is_laid_as_they_are() {
         )
     };
     let loaded = world(&text(spherical)).unwrap();
-    assert_eq!(told(&loaded), [""; 0]);
+    assert_eq!(warnings(&loaded), [""; 0]);
     let scene = loaded.scene;
     assert_eq!(scene.mappings.len(), 1);
     let maps: Vec<&TextureMap> = scene.materials.iter().flat_map(|material| material.textures()).collect();
@@ -128,8 +128,11 @@ fn what_is_built_of_textures_is_laid_as_they_are() {
     assert_eq!(checkerboard.reflectance.texture.unwrap().picture_from_uv.matrix2.x_axis.x, 0.5);
     // Both parts of a mixture lie on one picture, so one is laid as the other, with a warning.
     let loaded = world(&text(r#""string mapping" "planar""#)).unwrap();
-    let told = told(&loaded);
-    assert!(told.len() == 1 && told[0].contains("different mappings") && told[0].contains(":7:"), "{told:?}");
+    let warnings = warnings(&loaded);
+    assert!(
+        warnings.len() == 1 && warnings[0].contains("different mappings") && warnings[0].contains(":7:"),
+        "{warnings:?}"
+    );
 }
 
 #[test]
@@ -140,7 +143,7 @@ fn checkerboards_of_textures_in_space_repeat() {
         Material "diffuse" "texture reflectance" "b" {TRIANGLE}"#
     ))
     .unwrap();
-    assert_eq!(told(&loaded), [""; 0]);
+    assert_eq!(warnings(&loaded), [""; 0]);
     let scene = loaded.scene;
     let map = map_of(&scene);
     let color = |s: f32, t: f32| scene.images[map.image.0 as usize].eval(&map, Vec2::new(s, 1.0 - t), 0.0).truncate();
@@ -154,7 +157,7 @@ fn checkerboards_of_textures_in_space_repeat() {
 }
 
 #[test]
-fn mappings_that_are_none_are_told_with_their_line() {
+fn unknown_mappings_are_reported_with_their_line() {
     let texture = |before: &str, params: &str| {
         world(&format!(
             "{before}\nTexture \"t\" \"spectrum\" \"imagemap\" \"string filename\" \"a.pfm\"\n{params}\n\
@@ -178,15 +181,15 @@ fn mappings_that_are_none_are_told_with_their_line() {
     let scene =
         texture("", r#""string mapping" "planar" "vector3 v1" [ 0 0 0 ] "vector3 v2" [ 0 0 0 ]"#).unwrap().scene;
     assert_eq!(planar(&scene, Vec3::splat(9.0)), Vec2::ZERO);
-    let unknown = told(&texture("", r#""string mapping" "conical""#).unwrap());
+    let unknown = warnings(&texture("", r#""string mapping" "conical""#).unwrap());
     assert!(unknown.len() == 1 && unknown[0].starts_with("scene.pbrt:4:") && unknown[0].contains("conical"));
     // pbrt asks a sphere for no scale.
-    let scaled = told(&texture("", r#""string mapping" "spherical" "float uscale" 2"#).unwrap());
+    let scaled = warnings(&texture("", r#""string mapping" "spherical" "float uscale" 2"#).unwrap());
     assert!(scaled.len() == 1 && scaled[0].starts_with("scene.pbrt:4:") && scaled[0].contains("uscale"), "{scaled:?}");
 }
 
 #[test]
-fn mappings_without_end_are_told() {
+fn endless_mappings_are_reported() {
     let mut text = String::new();
     for i in 0..300 {
         text += &format!(
@@ -197,7 +200,7 @@ fn mappings_without_end_are_told() {
     }
     let loaded = world(&text).unwrap();
     assert_eq!(loaded.scene.mappings.len(), 254);
-    assert!(told(&loaded).iter().any(|warning| warning.contains("too many mappings")));
+    assert!(warnings(&loaded).iter().any(|warning| warning.contains("too many mappings")));
     loaded.scene.validate().unwrap();
 }
 

@@ -1,7 +1,7 @@
 //! The integrator of a picture: the requested one, or else one that finds the same light as the integrator of the scene file.
 
 use bottega_render::PhotonSettings;
-use bottega_scene::{Follows, IntegratorHint, PhotonHints, Scene};
+use bottega_scene::{IntegratorHint, PhotonHints, Scene, TransportPaths};
 
 use crate::{
     loaded_scene::LoadedScene,
@@ -89,25 +89,27 @@ fn chosen(
     const MOTION: &str = ", since photons know no time; caustics may lack light";
     let has_media = subject.prepared.has_media();
     match hint.follows {
-        Follows::Photons(_) | Follows::BothEnds if subject.prepared.moves() => {
+        TransportPaths::Photons(_) | TransportPaths::BothEnds if subject.prepared.moves() => {
             (IntegratorChoice::Path, None, Some(MOTION))
         }
-        Follows::Photons(_) | Follows::BothEnds if has_media => (IntegratorChoice::Path, None, Some(MEDIA)),
-        Follows::Photons(hints) => (IntegratorChoice::Photon, Some(hints), None),
-        Follows::BothEnds if hides_light(subject.scene()) => {
+        TransportPaths::Photons(_) | TransportPaths::BothEnds if has_media => {
+            (IntegratorChoice::Path, None, Some(MEDIA))
+        }
+        TransportPaths::Photons(hints) => (IntegratorChoice::Photon, Some(hints), None),
+        TransportPaths::BothEnds if hides_light(subject.scene()) => {
             let reason = ", which finds the light of small lamps over mirrors and through glass, too";
             (IntegratorChoice::Photon, Some(PhotonHints::default()), Some(reason))
         }
-        Follows::BothEnds | Follows::Paths { .. } => (IntegratorChoice::Path, None, None),
+        TransportPaths::BothEnds | TransportPaths::Paths { .. } => (IntegratorChoice::Path, None, None),
     }
 }
 
 fn photon_hints(hint: &IntegratorHint) -> Option<PhotonHints> {
-    if let Follows::Photons(hints) = hint.follows { Some(hints) } else { None }
+    if let TransportPaths::Photons(hints) = hint.follows { Some(hints) } else { None }
 }
 
 fn is_replaced(hint: &IntegratorHint) -> bool {
-    hint.follows != Follows::Paths { is_ours: true }
+    hint.follows != TransportPaths::Paths { is_ours: true }
 }
 
 /// Returns true if there is light that camera paths cannot find: that of point lights over mirrors and through glass.

@@ -4,11 +4,11 @@ use bottega_render::bsdf::ggx::SMOOTH_ALPHA;
 use bottega_render::bsdf::precomputed::{COVER_NODES, CoverBoundary, cover_alpha, cover_node};
 use bottega_scene::{Facets, RoughnessScale};
 
-use super::words::Words;
+use super::word_buffer::WordBuffer;
 use crate::shared::materials::{CoverBlock, FACETS_ALPHA_MAX};
 
 /// Writes the curves for every roughness that these facets can have. Returns the place of the block.
-pub(super) fn add_cover(words: &mut Words, facets: &Facets, boundaries: &[CoverBoundary], first_step: i32) -> u32 {
+pub(super) fn add_cover(words: &mut WordBuffer, facets: &Facets, boundaries: &[CoverBoundary], first_step: i32) -> u32 {
     let nodes = match constant_alpha(facets) {
         Some(alpha) => cover_node(alpha)..cover_node(alpha) + 2,
         None => 0..COVER_NODES,

@@ -10,7 +10,7 @@ use glam::Vec2;
 use super::features::Features;
 use super::surfaces::add_surface;
 use super::textures::EncodedTextures;
-use super::words::{Words, finite};
+use super::word_buffer::{WordBuffer, finite};
 use super::writer::Writer;
 use crate::shared::materials::*;
 
@@ -45,8 +45,13 @@ impl EncodedMaterials {
     pub(crate) fn new(scene: &Scene, extra: &[TextureMap]) -> Result<Self, Unsupported> {
         let mut textures = EncodedTextures::new(scene, extra);
         let extra = extra.iter().map(|map| textures.color(map)).collect();
-        let mut writer =
-            Writer { scene, words: Words::default(), textures, features: Features::default(), missing: Vec::new() };
+        let mut writer = Writer {
+            scene,
+            words: WordBuffer::default(),
+            textures,
+            features: Features::default(),
+            missing: Vec::new(),
+        };
         let place_of = |index: usize| MaterialsRecord::WORDS as usize + MaterialRecord::WORDS as usize * index;
         writer.words.fill_to(place_of(scene.materials.len()));
         for (index, material) in scene.materials.iter().enumerate() {
@@ -66,7 +71,7 @@ impl EncodedMaterials {
         writer.missing.dedup();
         let mut maps = scene.materials.iter().flat_map(Material::textures);
         if maps.any(|map| map.mapping(scene).is_some()) {
-            writer.missing.push("textures that lie by a place in the world".into());
+            writer.missing.push("textures mapped by world position".into());
         }
         let is_textured = scene.materials.iter().any(|material| !material.textures().is_empty());
         if writer.missing.is_empty() {

@@ -10,7 +10,7 @@ mod features;
 mod sources;
 mod surfaces;
 mod textures;
-mod words;
+mod word_buffer;
 mod writer;
 
 #[cfg(test)]

@@ -46,7 +46,7 @@ pub(crate) fn source(features: Features) -> String {
         let is_whole = line.matches('{').count() == line.matches('}').count();
         !(is_whole && absent.iter().any(|guard| line.contains(guard.as_str())))
     };
-    let files = FILES.iter().filter(|(asked, _)| asked.is_none_or(|asked| features.has_some_of(asked)));
+    let files = FILES.iter().filter(|(needed_by, _)| needed_by.is_none_or(|needed_by| features.has_some_of(needed_by)));
     let lines = files.flat_map(|(_, file)| file.lines()).filter(calls_nothing);
     lines.fold(features.constants(), |source, line| source + line + "\n")
 }
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_asked_for_is_not_there() {
+    fn unused_features_are_left_out() {
         let matte = source(Features::default());
         assert!(
             !matte.contains("stack_walk")

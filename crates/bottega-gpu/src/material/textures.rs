@@ -8,13 +8,13 @@
 use bottega_render::flat::Portable as _;
 use bottega_scene::{Channel, Image, LevelTexels, Material, Scene, TextureMap, Wrap, linear_of_srgb_codes};
 
-use super::words::{Words, finite};
+use super::word_buffer::{WordBuffer, finite};
 use crate::shared::materials::*;
 
 /// The encoded textures of a scene.
 #[derive(Debug)]
 pub(super) struct EncodedTextures {
-    pub(super) words: Words,
+    pub(super) words: WordBuffer,
     /// The place of each of the scene's images; 0: no material uses it.
     images: Vec<usize>,
     /// The columns and rows of each image.
@@ -28,7 +28,7 @@ impl EncodedTextures {
         for map in scene.materials.iter().flat_map(Material::textures).chain(extra) {
             is_used[map.image.0 as usize] = true;
         }
-        let mut words = Words::default();
+        let mut words = WordBuffer::default();
         words.numbers(linear_of_srgb_codes());
         let mut images = vec![0; scene.images.len()];
         for (image, place) in
@@ -77,7 +77,7 @@ impl EncodedTextures {
 }
 
 /// Writes an image and returns the place of its record.
-fn add_image(words: &mut Words, image: &Image) -> usize {
+fn add_image(words: &mut WordBuffer, image: &Image) -> usize {
     let record = words.place();
     let count = image.level_count();
     let format = match image.level_texels(0) {
@@ -101,7 +101,7 @@ fn add_image(words: &mut Words, image: &Image) -> usize {
     record
 }
 
-fn add_texels(words: &mut Words, texels: LevelTexels<'_>) {
+fn add_texels(words: &mut WordBuffer, texels: LevelTexels<'_>) {
     let words = &mut words.0;
     match texels {
         LevelTexels::Gray8(codes) => words.extend(codes.chunks(4).map(|codes| {

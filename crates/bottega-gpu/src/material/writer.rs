@@ -6,13 +6,13 @@ use glam::Vec3;
 
 use super::features::Features;
 use super::textures::EncodedTextures;
-use super::words::{Words, finite};
+use super::word_buffer::{WordBuffer, finite};
 use crate::shared::materials::Param;
 
 /// The words written so far, and the unsupported features found.
 pub(super) struct Writer<'a> {
     pub(super) scene: &'a Scene,
-    pub(super) words: Words,
+    pub(super) words: WordBuffer,
     pub(super) textures: EncodedTextures,
     pub(super) features: Features,
     /// The features that the GPU does not support, one message each.

@@ -12,7 +12,7 @@ pub(super) const STORAGE_BUFFERS: u32 = 10;
 const MATH: &str = include_str!("../wgsl/math.wgsl");
 /// The source shared by all kernels except the planner.
 const COMMON: &str = concat!(
-    include_str!("../wgsl/words.wgsl"),
+    include_str!("../wgsl/scene_words.wgsl"),
     include_str!("../wgsl/functions.wgsl"),
     include_str!("../wgsl/state.wgsl"),
     include_str!("../wgsl/sampler.wgsl"),
@@ -122,28 +122,30 @@ pub(super) struct Kernels {
 
 impl Kernels {
     pub(super) fn new(context: &Context, layouts: &Layouts, variant: Variant, cache: Option<&PipelineCache>) -> Self {
-        let make = Maker { context, cache };
-        let paths = make.layout("paths", &[&layouts.scene, &layouts.state]);
-        let plan = make.layout("plan", &[&layouts.plan]);
-        let [generate, accumulate] = make.pipelines(&make.module(&camera_source()), &paths, ["generate", "accumulate"]);
+        let compiler = KernelCompiler { context, cache };
+        let paths = compiler.layout("paths", &[&layouts.scene, &layouts.state]);
+        let plan = compiler.layout("plan", &[&layouts.plan]);
+        let [generate, accumulate] =
+            compiler.pipelines(&compiler.module(&camera_source()), &paths, ["generate", "accumulate"]);
         // Kernels that read materials and textures, which come from files, keep their bounds checks.
         let source = traversal_source(variant);
         let unguarded = || traversal::module(&context.device, "traversal", &source);
-        let traversal = if variant.has_opacity { make.module(&source) } else { unguarded() };
-        let [extend, shadow] = make.pipelines(&traversal, &paths, ["extend", "shadow"]);
-        let [miss, shade] = make.pipelines(&make.module(&shading_source(variant)), &paths, ["miss", "shade"]);
+        let traversal = if variant.has_opacity { compiler.module(&source) } else { unguarded() };
+        let [extend, shadow] = compiler.pipelines(&traversal, &paths, ["extend", "shadow"]);
+        let [miss, shade] = compiler.pipelines(&compiler.module(&shading_source(variant)), &paths, ["miss", "shade"]);
         let [plan_extend, plan_shade, plan_next] =
-            make.pipelines(&make.module(&plan_source()), &plan, ["plan_extend", "plan_shade", "plan_next"]);
+            compiler.pipelines(&compiler.module(&plan_source()), &plan, ["plan_extend", "plan_shade", "plan_next"]);
         Self { generate, accumulate, extend, shadow, miss, shade, plan_extend, plan_shade, plan_next }
     }
 }
 
-struct Maker<'a> {
+/// Compiles pipelines on a device, with its cache.
+struct KernelCompiler<'a> {
     context: &'a Context,
     cache: Option<&'a PipelineCache>,
 }
 
-impl Maker<'_> {
+impl KernelCompiler<'_> {
     fn layout(&self, label: &str, groups: &[&BindGroupLayout]) -> wgpu::PipelineLayout {
         let groups: Vec<_> = groups.iter().map(|&group| Some(group)).collect();
         self.context.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {

@@ -9,21 +9,21 @@ use super::batch::{PATHS_MAX, path_count};
 pub(super) const PIXELS_MAX: u64 = 1 << 20;
 
 /// The reason for returning work of scenes that were not admitted.
-pub(super) const UNKNOWN_SCENE: &str = "the device was not told of this scene";
+pub(super) const UNKNOWN_SCENE: &str = "the scene was not given to this device";
 
 /// Returns the reason why a block is returned; `None`: it is rendered.
 pub(super) fn refusal(block: &BlockWork) -> Option<String> {
     if block.tile.layout().offset(Aov::Cost).is_some() {
-        return Some("the cost of a pixel is not known to devices".to_owned());
+        return Some("devices do not support the layer `cost`".to_owned());
     }
     if let Some(aov) = block.tile.layout().aovs().iter().find(|aov| !LAYERS.contains(aov)) {
-        return Some(format!("the layer `{}` is not known to devices", aov.name()));
+        return Some(format!("devices do not support the layer `{}`", aov.name()));
     }
     if block.settings.photons.is_some() {
-        return Some("photon mapping is not known to devices".to_owned());
+        return Some("devices do not support photon mapping".to_owned());
     }
     if block.tile.rect().area() > PIXELS_MAX || path_count(block) >= PATHS_MAX {
-        return Some("too large a block".to_owned());
+        return Some("the block is too large".to_owned());
     }
     None
 }

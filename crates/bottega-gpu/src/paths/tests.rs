@@ -51,7 +51,7 @@ fn settings() -> PathSettings {
 }
 
 /// The samples of a small image, by the device and by the CPU.
-struct Compared {
+struct TilePair {
     device: Tile,
     processor: Tile,
 }
@@ -67,7 +67,7 @@ fn paint(
     scene: &Arc<PreparedScene>,
     settings: PathSettings,
     samples: std::ops::Range<u32>,
-) -> Compared {
+) -> TilePair {
     let settings = Arc::new(settings);
     let tile = Tile::new(Rect::new(0, 0, SIDE, SIDE), layout());
     let block = BlockWork {
@@ -82,12 +82,12 @@ fn paint(
     let processor = block.clone().perform().unwrap().tile;
     let outcome = worker.perform(vec![RenderWork::Block(block)]).remove(0);
     match outcome.unwrap() {
-        RenderOutput::Block(output) => Compared { device: output.tile, processor },
+        RenderOutput::Block(output) => TilePair { device: output.tile, processor },
         other => panic!("{other:?}"),
     }
 }
 
-impl Compared {
+impl TilePair {
     /// Of single samples: the share of pixels in which any value differs by more than a thousandth.
     fn differing(&self) -> f64 {
         let stride = self.device.layout().stride();
@@ -186,7 +186,7 @@ fn views_all_around_are_the_same() {
 }
 
 #[test]
-fn what_is_seen_between_clip_planes_is_the_same() {
+fn pictures_between_clip_planes_are_the_same() {
     for (projection, clip, lens_radius) in [
         (Projection::Perspective { vertical_fov: 0.7 }, Clip { near: 3.7, far: 4.9 }, 0.1),
         (Projection::Orthographic { height: 2.2 }, Clip { near: 3.9, far: f32::INFINITY }, 0.0),
@@ -226,7 +226,7 @@ fn many_lights_are_the_same() {
 }
 
 #[test]
-fn a_lost_device_gives_blocks_back_and_is_made_anew() {
+fn a_lost_device_returns_its_blocks_and_is_opened_again() {
     let scene = prepare(scenes::open());
     let Some(mut worker) = worker(&scene, 1 << 10) else { return };
     let block = |x: u32| BlockWork {
@@ -252,7 +252,7 @@ fn a_lost_device_gives_blocks_back_and_is_made_anew() {
 }
 
 #[test]
-fn what_is_no_work_for_the_device_is_given_back_and_the_rest_is_done() {
+fn unsupported_units_are_returned_and_the_others_are_done() {
     let scene = prepare(scenes::open());
     let Some(mut worker) = worker(&scene, 1 << 10) else { return };
     let block = |scene: &Arc<PreparedScene>, layout: Layout, samples| {
@@ -281,9 +281,9 @@ fn what_is_no_work_for_the_device_is_given_back_and_the_rest_is_done() {
     assert_eq!(
         reasons,
         [
-            Some("the cost of a pixel is not known to devices"),
-            Some("the device was not told of this scene"),
-            Some("the device was not told of this scene"),
+            Some("devices do not support the layer `cost`"),
+            Some("the scene was not given to this device"),
+            Some("the scene was not given to this device"),
             None,
             None
         ]
@@ -298,7 +298,7 @@ fn other_samples_are_other_paths() {
     let Some(mut worker) = worker(&scene, 1 << 12) else { return };
     let device = paint(&mut worker, &scene, settings(), 5..6).device;
     let processor = paint(&mut worker, &scene, settings(), 6..7).processor;
-    assert!(Compared { device, processor }.differing() > 0.5, "the comparison sees nothing");
+    assert!(TilePair { device, processor }.differing() > 0.5, "the comparison sees nothing");
 }
 
 #[test]

@@ -13,7 +13,7 @@ use super::batch::{BatchKind, BlockBatch, PATHS_MAX, path_count};
 use super::limits::{PIXELS_MAX, UNKNOWN_SCENE, refusal};
 use super::shelf::{EncodedScene, SceneShelf};
 use super::tracer::{Flight, Tracer};
-use crate::compiling::Compiling;
+use crate::compiling::CompilingGuard;
 use crate::error::GpuError;
 
 /// A message to the worker thread.
@@ -32,14 +32,14 @@ pub(super) enum Message {
 
 type BlockResult = Result<RenderOutput, Failed<RenderWork>>;
 /// A function that opens the device.
-type Open = Box<dyn Fn() -> Result<Tracer, GpuError> + Send>;
+type OpenDevice = Box<dyn Fn() -> Result<Tracer, GpuError> + Send>;
 
 /// The state of the worker thread; see the [module](self).
 pub(super) struct PathWorker {
     shelf: Arc<SceneShelf>,
     /// The device's name.
     name: String,
-    open: Open,
+    open: OpenDevice,
     /// The open device. `None`: the last one failed, and it is opened again on the next use.
     tracer: Option<Tracer>,
     /// The number of times the device was opened; batches started on an earlier one are lost.
@@ -78,7 +78,7 @@ impl PathWorker {
     ///
     /// # Errors
     /// The device cannot be opened.
-    pub(super) fn new(shelf: Arc<SceneShelf>, name: String, open: Open) -> Result<Self, GpuError> {
+    pub(super) fn new(shelf: Arc<SceneShelf>, name: String, open: OpenDevice) -> Result<Self, GpuError> {
         let tracer = Some(open()?);
         Ok(Self { shelf, name, open, tracer, device_number: 0, last_end: Instant::now() })
     }
@@ -148,7 +148,7 @@ impl PathWorker {
         if self.tracer()?.has_kernels(variant) {
             return Ok(());
         }
-        let compiling = Compiling::begin(&self.name);
+        let compiling = CompilingGuard::begin(&self.name);
         let tried = self.tracer()?.compile(variant).and_then(|()| self.try_kernels(encoded));
         drop(compiling);
         self.note_bytes();

@@ -200,7 +200,7 @@ fn fault(line: &str) -> Option<String> {
 }
 
 #[test]
-fn no_shader_says_by_hand_what_is_shared() {
+fn no_shader_repeats_a_shared_constant_by_hand() {
     let mut faults = Vec::new();
     for (name, text) in shaders() {
         let lines = text.lines().zip(1..).filter_map(|(line, number)| Some((number, fault(line)?)));
@@ -210,7 +210,7 @@ fn no_shader_says_by_hand_what_is_shared() {
 }
 
 #[test]
-fn what_is_said_by_hand_is_noticed() {
+fn constants_written_by_hand_are_found() {
     let by_hand = [
         "const LIGHT_WORDS: u32 = 24u;",
         "const ANYTHING: f32 = 0.5;",

@@ -102,7 +102,7 @@ mod tests {
             let mut types = module.types.iter().map(|(_, it)| it);
             let found = types.find(|it| it.name.as_deref() == Some(declared.name)).expect(declared.name);
             let naga::TypeInner::Struct { members, span } = &found.inner else {
-                panic!("{} is no struct", declared.name)
+                panic!("{} is not a struct", declared.name)
             };
             assert_eq!(*span as usize, declared.size, "{}", declared.name);
             for (member, field) in members.iter().zip(declared.fields) {

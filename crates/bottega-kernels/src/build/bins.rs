@@ -79,8 +79,8 @@ impl Extent {
     const EMPTY: Self = Self { items: ItemSpan::EMPTY, centers: ItemSpan::EMPTY };
 
     fn of(items: &[Item]) -> Self {
-        struct Of<'a>(&'a [Item]);
-        impl LaneTask for Of<'_> {
+        struct ExtentTask<'a>(&'a [Item]);
+        impl LaneTask for ExtentTask<'_> {
             type Output = Extent;
 
             #[inline(always)]
@@ -93,7 +93,7 @@ impl Extent {
                 Extent { items: ItemSpan(s.store(all)), centers: ItemSpan(s.store(centers)) }
             }
         }
-        compiled::run_in_lanes(Of(items))
+        compiled::run_in_lanes(ExtentTask(items))
     }
 
     /// Computes the extent with several threads.
@@ -130,8 +130,8 @@ impl Binning {
     }
 
     #[inline(always)]
-    fn finder<S: Lanes>(&self, s: S) -> Finder<S> {
-        Finder {
+    fn in_lanes<S: Lanes>(&self, s: S) -> BinningLanes<S> {
+        BinningLanes {
             base: s.load(&self.base),
             scale: s.load(&self.scale),
             first: s.splat(Self::ROUND),
@@ -144,14 +144,14 @@ impl Binning {
 ///
 /// (Not a closure: only functions can be forced inline, and without inlining they are compiled without the vector
 /// unit.)
-struct Finder<S: Lanes> {
+struct BinningLanes<S: Lanes> {
     base: S::F,
     scale: S::F,
     first: S::F,
     last: S::F,
 }
 
-impl<S: Lanes> Finder<S> {
+impl<S: Lanes> BinningLanes<S> {
     /// Returns the bin of an item on each axis, less than `LIMIT`, a power of two.
     #[inline(always)]
     fn find<const LIMIT: usize>(&self, s: S, item: &Item) -> [usize; 3] {
@@ -308,10 +308,10 @@ impl<const BINS: usize> Bins<BINS> {
 
     #[inline(always)]
     fn fill<S: Lanes>(&mut self, s: S, items: &[Item], binning: &Binning) {
-        let finder = binning.finder(s);
+        let lanes = binning.in_lanes(s);
         for (i, item) in items.iter().enumerate() {
             prefetch(items, i + AHEAD);
-            let (at, span) = (finder.find::<BINS>(s, item), s.load(&item.0.0));
+            let (at, span) = (lanes.find::<BINS>(s, item), s.load(&item.0.0));
             for (axis, at) in at.into_iter().enumerate() {
                 let bin = &mut self.boxes[at][axis].0;
                 *bin = s.store(s.min(span, s.load(bin)));
@@ -322,8 +322,8 @@ impl<const BINS: usize> Bins<BINS> {
 
     /// Fills the bins with several threads.
     fn of_many(items: &[Item], binning: &Binning) -> Self {
-        struct Of<'a, const BINS: usize>(&'a [Item], &'a Binning);
-        impl<const BINS: usize> LaneTask for Of<'_, BINS> {
+        struct BinsTask<'a, const BINS: usize>(&'a [Item], &'a Binning);
+        impl<const BINS: usize> LaneTask for BinsTask<'_, BINS> {
             type Output = Bins<BINS>;
 
             #[inline(always)]
@@ -335,7 +335,7 @@ impl<const BINS: usize> Bins<BINS> {
         }
         let chunks = items.par_chunks(SHARED_ITEMS);
         chunks
-            .map(|items| compiled::run_in_lanes(Of(items, binning)))
+            .map(|items| compiled::run_in_lanes(BinsTask(items, binning)))
             .reduce(|| Self::EMPTY, |bins, other| bins.union(&other))
     }
 
@@ -445,15 +445,15 @@ mod tests {
     }
 
     #[test]
-    fn both_parts_fill_what_their_items_do() {
+    fn both_parts_have_the_extent_of_their_items() {
         let mut items = items(5000);
         let extent = Extent::of(&items);
         let (middle, extents) =
             BinaryBuilder { leaf_size: 4, parallel_items: usize::MAX }.divide(&mut items, &extent, 0, false);
         assert!(middle != 0 && middle != items.len());
-        for (part, told) in [&items[..middle], &items[middle..]].into_iter().zip(extents) {
+        for (part, returned) in [&items[..middle], &items[middle..]].into_iter().zip(extents) {
             let known = Extent::of(part);
-            assert_eq!((bits(&known.items), bits(&known.centers)), (bits(&told.items), bits(&told.centers)));
+            assert_eq!((bits(&known.items), bits(&known.centers)), (bits(&returned.items), bits(&returned.centers)));
         }
     }
 }

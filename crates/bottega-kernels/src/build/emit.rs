@@ -223,7 +223,7 @@ mod tests {
     use glam::Vec3;
 
     #[test]
-    fn a_plan_does_not_depend_on_who_makes_which_part() {
+    fn a_plan_does_not_depend_on_the_order_of_its_parts() {
         let mut random = SplitMix64::new(3);
         let mut place = || Vec3::new(random.unit_f32(), random.unit_f32(), random.unit_f32());
         let mut items: Vec<Item> = (0..5000).map(|id| Item::new(&Aabb::around(place(), 0.01), id)).collect();

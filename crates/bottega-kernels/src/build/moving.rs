@@ -1,4 +1,4 @@
-//! The build of what moves: paths of instances, and trees of meshes whose vertices move.
+//! The build of moving parts: paths of instances, and trees of meshes whose vertices move.
 
 use super::{BINARY_LEAF, TreeBuilder, bins, collapse, emit, is_flat, item::Item, reinsert};
 use crate::geometry::BuildError;

@@ -1,11 +1,11 @@
 //! Traversal of meshes whose vertices move: boxes and corners between two keys.
 
-use super::Walk;
+use super::Traversal;
 use super::lanes::Lanes;
 use super::setup::Planes;
 use crate::tree::{Child, TriangleBlock, WIDTH, WideNode};
 
-impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
+impl<S: Lanes, const ROBUST: bool> Traversal<'_, S, ROBUST> {
     /// Returns the node of the key before the ray's time.
     #[inline(always)]
     pub(super) fn key_node(&self, child: Child) -> &WideNode {

@@ -114,7 +114,7 @@ impl Slabs<f32> {
 pub(crate) type Planes = [[f32; WIDTH]; 6];
 
 /// A ray prepared for traversal, spread over lanes.
-pub(crate) struct Wide<S: Lanes, const ROBUST: bool> {
+pub(crate) struct PreparedRay<S: Lanes, const ROBUST: bool> {
     slabs: Slabs<S::F>,
     floor: S::F,
     /// Rows of the near and far planes, on each axis.
@@ -125,7 +125,7 @@ pub(crate) struct Wide<S: Lanes, const ROBUST: bool> {
     triangle: WideRay<S>,
 }
 
-impl<S: Lanes, const ROBUST: bool> Wide<S, ROBUST> {
+impl<S: Lanes, const ROBUST: bool> PreparedRay<S, ROBUST> {
     /// Returns `None` for a ray that hits nothing: with NaN, infinity or no direction.
     #[inline(always)]
     pub(crate) fn new(s: S, ray: &Ray, floor: f32, t_min: f32) -> Option<Self> {
@@ -152,7 +152,7 @@ impl<S: Lanes, const ROBUST: bool> Wide<S, ROBUST> {
     /// up to `t_max`.
     ///
     /// Crossings are compared by their bits: floor and `t_max` are not negative, and a box with a negative exit is
-    /// missed whatever the order of negatives.
+    /// missed for any order of negatives.
     #[inline(always)]
     pub(crate) fn boxes(&self, s: S, planes: &Planes, t_max: S::F) -> (S::F, S::Mask) {
         let Slabs { near_scale, near_shift, far_scale, far_shift } = &self.slabs;

@@ -72,7 +72,7 @@ impl Agent {
 }
 
 /// A range of agents to cast.
-pub(crate) struct Casting<'a> {
+pub(crate) struct CastRange<'a> {
     /// The prepared scene.
     pub(crate) prepared: &'a PreparedScene,
     /// Sources that cast the agents.
@@ -87,7 +87,7 @@ pub(crate) struct Casting<'a> {
     pub(crate) has_scouts: bool,
 }
 
-impl Task for Casting<'_> {
+impl Task for CastRange<'_> {
     type Output = Vec<Agent>;
 
     #[inline(always)]
@@ -100,7 +100,7 @@ impl Task for Casting<'_> {
     }
 }
 
-impl Casting<'_> {
+impl CastRange<'_> {
     /// Casts one agent: stores it at the first surface, and its clones at those behind.
     fn cast(&self, index: u32, agents: &mut Vec<Agent>) {
         let sampler = PixelSampler::new(self.seed ^ AGENT_SEED, 0, 0, index);

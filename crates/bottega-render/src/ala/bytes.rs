@@ -5,7 +5,7 @@ use std::{sync::Arc, time::Duration};
 use super::{
     agent::Agent,
     map::{Agents, Indirect},
-    paper::Fitted,
+    paper::FittedSensors,
     report::{AgentReport, Tallies, Tally},
     sensing::{Discovery, SensorReadings},
     visibility::Visibility,
@@ -75,7 +75,7 @@ impl Agents {
     pub(crate) fn write(&self, to: &mut Writer) {
         self.visibility.write(to);
         match &self.indirect {
-            Indirect::Fitted(Fitted { sensors, object_distance }) => {
+            Indirect::Fitted(FittedSensors { sensors, object_distance }) => {
                 to.value(*object_distance);
                 sensors.write(to);
             }
@@ -98,7 +98,9 @@ impl Agents {
         let visibility = Arc::new(Visibility::read(from)?);
         let length = from.value()?;
         let indirect = match settings.oracle {
-            Oracle::Paper => Indirect::Fitted(Fitted { sensors: IrradianceMap::read(from)?, object_distance: length }),
+            Oracle::Paper => {
+                Indirect::Fitted(FittedSensors { sensors: IrradianceMap::read(from)?, object_distance: length })
+            }
             Oracle::Error => Indirect::Records(IrradianceCache::read(settings.tolerance(), from)?, extent),
         };
         let (cast, object_distance) = (from.number()?, from.value()?);

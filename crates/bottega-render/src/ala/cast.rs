@@ -48,10 +48,10 @@ pub(crate) fn cast_agents(
     let swarm = Arc::new(scene.on_threads(swarm));
     let casting = begun.elapsed();
     let network = Arc::new(scene.on_threads(|| Network::new(&swarm)));
-    let work = |errand| {
+    let work = |task| {
         let (scene, passes) = (Arc::clone(scene), Arc::clone(passes));
         let (swarm, network) = (Arc::clone(&swarm), Arc::clone(&network));
-        RenderWork::Sensors(Box::new(SensorWork { scene, photons, seed, passes, swarm, network, errand }))
+        RenderWork::Sensors(Box::new(SensorWork { scene, photons, seed, passes, swarm, network, task }))
     };
     let run = |errands: Vec<SensingTask>| {
         let answer = |output| if let RenderOutput::Sensors(part) = output { Some(part) } else { None };

@@ -46,7 +46,7 @@ pub enum Criterion {
 
 /// The error of an unknown criterion's name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is no criterion; there are normal, power, direction, irradiance and importance")]
+#[error("`{0}` is not a criterion; there are normal, power, direction, irradiance and importance")]
 pub struct UnknownCriterion(String);
 
 /// Samples of one map with the values of some criteria.
@@ -425,7 +425,7 @@ mod tests {
     }
 
     #[test]
-    fn local_spheres_hold_what_a_search_through_all_finds() {
+    fn local_spheres_equal_those_of_an_exhaustive_search() {
         let photons: Vec<Photon> = (0..3000)
             .map(|i| {
                 let sampler = PixelSampler::new(8, i, 0, 0);

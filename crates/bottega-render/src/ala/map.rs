@@ -81,14 +81,14 @@ pub(crate) struct KnownIrradiance {
 #[derive(Clone, Debug)]
 pub(super) enum Indirect {
     /// Sensors of the paper's oracle.
-    Fitted(paper::Fitted),
+    Fitted(paper::FittedSensors),
     /// Records of the error oracle.
     Records(IrradianceCache, Extent),
 }
 
 impl Agents {
     /// Number of irradiance sensors to find.
-    pub(crate) const SENSORS: usize = paper::Fitted::SENSORS;
+    pub(crate) const SENSORS: usize = paper::FittedSensors::SENSORS;
 
     /// Creates agents of the error oracle, before any has measured indirect light.
     pub(super) fn without_light(

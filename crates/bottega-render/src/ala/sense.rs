@@ -10,13 +10,13 @@ use bottega_kernels::compiled::{self, Task};
 use rayon::prelude::*;
 
 use super::{
-    agent::{Agent, Casting},
+    agent::{Agent, CastRange},
     camera::agents_of_view,
     map::{Agents, Indirect},
     network::Network,
     own, paper,
     report::{AgentReport, Tally},
-    sensing::{AGENTS, Run, SENSING, Sensing, SensingTask, SensorReadings},
+    sensing::{AGENTS, Run, SENSING, SensingContext, SensingTask, SensorReadings},
     swarm::Swarm,
     visibility::Visibility,
 };
@@ -30,16 +30,18 @@ use crate::{
     settings::{AgentSettings, Oracle},
 };
 
-impl Task for Sensing<'_> {
+impl Task for SensingContext<'_> {
     type Output = SensorReadings;
 
     #[inline(always)]
     fn run(self) -> SensorReadings {
         let part_of = |part: &Range<u32>| part.start as usize..part.end as usize;
-        match &self.errand {
+        match &self.task {
             SensingTask::Dig(indices) => paper::dig(&self, indices.clone()),
-            SensingTask::Look { who, part, numbers } => own::look(&self, &who[part_of(part)], numbers.clone()),
-            SensingTask::Measure { who, part, others } => own::measure(&self, &who[part_of(part)], others),
+            SensingTask::Look { agents, part, numbers } => own::look(&self, &agents[part_of(part)], numbers.clone()),
+            SensingTask::Measure { candidates, part, others } => {
+                own::measure(&self, &candidates[part_of(part)], others)
+            }
         }
     }
 }
@@ -49,7 +51,7 @@ fn cast(prepared: &PreparedScene, plan: &PhotonPlan, settings: AgentSettings, se
     let works: Vec<_> = parts(settings.cast, AGENTS).collect();
     let (sources, plan) = (&*plan.sources, &plan.emission);
     let has_scouts = settings.has_scouts();
-    let cast = |indices| compiled::run(Casting { prepared, sources, plan, seed, indices, has_scouts });
+    let cast = |indices| compiled::run(CastRange { prepared, sources, plan, seed, indices, has_scouts });
     let parts: Vec<Vec<Agent>> = works.into_par_iter().map(cast).collect();
     parts.concat()
 }
@@ -83,7 +85,7 @@ impl Agents {
         let network = Network::new(&swarm);
         let run = |errands: Vec<SensingTask>| {
             let sense =
-                |errand| compiled::run(Sensing { integrator, maps, swarm: &swarm, network: &network, seed, errand });
+                |task| compiled::run(SensingContext { integrator, maps, swarm: &swarm, network: &network, seed, task });
             Ok(joined(errands.into_par_iter().map(sense).collect()))
         };
         Self::sense(prepared, *plan.extent(), settings, &swarm, &network, run, [casting, Duration::ZERO])
@@ -137,7 +139,7 @@ impl Agents {
         let sensed = run(parts(swarm.len() as u32, SENSING).map(SensingTask::Dig).collect())?;
         let answers = paper::answers(network, &sensed.discoveries);
         let (sensors, object_distance) = (IrradianceMap::new(sensed.irradiance), swarm.object_distance);
-        let indirect = Indirect::Fitted(paper::Fitted { sensors, object_distance });
+        let indirect = Indirect::Fitted(paper::FittedSensors { sensors, object_distance });
         let visibility = Arc::new(Visibility::new(swarm, network, &answers, settings.asks_network));
         Ok((Self::of(settings, visibility, indirect, &answers), sensed.sensors))
     }

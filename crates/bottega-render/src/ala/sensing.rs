@@ -35,9 +35,9 @@ pub(crate) enum SensingTask {
     /// Run the gold miners of the paper with all four kinds of sensors; range of agent indices.
     Dig(Range<u32>),
     /// Test the visibility of lights, by agents of a list, with the sensors of these numbers.
-    Look { who: Arc<[u32]>, part: Range<u32>, numbers: Range<u32> },
+    Look { agents: Arc<[u32]>, part: Range<u32>, numbers: Range<u32> },
     /// Measure indirect light at the candidates where the other records do not know it well enough.
-    Measure { who: Arc<[Candidate]>, part: Range<u32>, others: Arc<Agents> },
+    Measure { candidates: Arc<[Candidate]>, part: Range<u32>, others: Arc<Agents> },
 }
 
 impl SensingTask {
@@ -50,7 +50,7 @@ impl SensingTask {
 }
 
 /// A sensing task with all that it needs.
-pub(crate) struct Sensing<'a> {
+pub(crate) struct SensingContext<'a> {
     /// Integrator that estimates the light at a sensor.
     pub(crate) integrator: &'a PhotonIntegrator<'a>,
     /// Photon maps of caustics.
@@ -62,7 +62,7 @@ pub(crate) struct Sensing<'a> {
     /// Seed of the random numbers.
     pub(crate) seed: u64,
     /// The task to run.
-    pub(crate) errand: SensingTask,
+    pub(crate) task: SensingTask,
 }
 
 /// Readings of agents, in the order of the task.
@@ -99,7 +99,7 @@ impl SensorReadings {
     }
 }
 
-impl<'a> Sensing<'a> {
+impl<'a> SensingContext<'a> {
     /// Returns the scene.
     pub(super) fn prepared(&self) -> &'a PreparedScene {
         self.integrator.prepared()

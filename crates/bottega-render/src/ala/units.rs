@@ -5,9 +5,9 @@ use std::{ops::Range, sync::Arc};
 use bottega_kernels::compiled;
 
 use super::{
-    agent::{Agent, Casting},
+    agent::{Agent, CastRange},
     network::Network,
-    sensing::{Sensing, SensingTask, SensorReadings},
+    sensing::{SensingContext, SensingTask, SensorReadings},
     swarm::Swarm,
 };
 use crate::{
@@ -52,7 +52,7 @@ pub struct SensorWork {
     /// Links between neighbouring agents.
     pub(crate) network: Arc<Network>,
     /// Agents, and the kind of sensors.
-    pub(crate) errand: SensingTask,
+    pub(crate) task: SensingTask,
 }
 
 impl AgentWork {
@@ -60,7 +60,7 @@ impl AgentWork {
     pub fn perform(self) -> Vec<Agent> {
         let Self { scene, prepass, view, seed, indices, has_scouts } = self;
         let plan = prepass.photon_plan(&scene, view);
-        compiled::run(Casting {
+        compiled::run(CastRange {
             prepared: &scene,
             sources: &plan.sources,
             plan: &plan.emission,
@@ -74,7 +74,7 @@ impl AgentWork {
 impl SensorWork {
     /// Returns the number of agents of the task.
     pub(crate) fn agent_count(&self) -> u64 {
-        self.errand.agents().len() as u64
+        self.task.agents().len() as u64
     }
 
     /// Runs the task on the calling thread.
@@ -82,10 +82,17 @@ impl SensorWork {
     /// # Errors
     /// [`RenderError::PhotonsInMedia`], or the scene has no camera.
     pub fn perform(self) -> Result<SensorReadings, RenderError> {
-        let Self { scene, photons, seed, passes, swarm, network, errand } = self;
+        let Self { scene, photons, seed, passes, swarm, network, task } = self;
         let settings = sensing_settings(&photons, seed);
         let integrator = PhotonIntegrator::sensing(&scene, &settings, photons, Arc::clone(&passes))?;
         let maps = passes.of_sample(&scene, 0);
-        Ok(compiled::run(Sensing { integrator: &integrator, maps, swarm: &swarm, network: &network, seed, errand }))
+        Ok(compiled::run(SensingContext {
+            integrator: &integrator,
+            maps,
+            swarm: &swarm,
+            network: &network,
+            seed,
+            task,
+        }))
     }
 }

@@ -38,12 +38,12 @@ pub(super) struct Visibility {
     /// Lights for which some agent answers other than "trace", in ascending order, with the greatest radius of such an
     /// answer. For other lights no agent is looked up.
     answered: Vec<(u32, f32)>,
-    /// Proximity network, if it is used: neighbours by number in the map; [`NOBODY`] where there are fewer.
+    /// Proximity network, if it is used: neighbours by number in the map; [`NO_AGENT`] where there are fewer.
     links: Vec<[u32; LINKS]>,
 }
 
 /// Stands for no agent.
-const NOBODY: u32 = u32::MAX;
+const NO_AGENT: u32 = u32::MAX;
 
 impl Visibility {
     /// Makes the lookup of visibility from the agents' answers.
@@ -56,12 +56,12 @@ impl Visibility {
         let indices: Vec<u32> = places.iter().map(|photon| photon.mark().tag()).collect();
         let reach: Vec<f32> = indices.iter().map(|&index| network.reach(index)).collect();
         let tag = |index: u32| swarm.agents[index as usize].light << 2 | answers[index as usize] as u32;
-        let mut numbers = vec![NOBODY; swarm.len()];
+        let mut numbers = vec![NO_AGENT; swarm.len()];
         indices.iter().zip(0..).for_each(|(&index, number)| numbers[index as usize] = number);
         let links = |&index: &u32| {
             let mut near =
-                network.neighbors(index).map(|other| numbers[other as usize]).filter(|&number| number != NOBODY);
-            std::array::from_fn(|_| near.next().unwrap_or(NOBODY))
+                network.neighbors(index).map(|other| numbers[other as usize]).filter(|&number| number != NO_AGENT);
+            std::array::from_fn(|_| near.next().unwrap_or(NO_AGENT))
         };
         let links = if keeps_network { indices.iter().map(links).collect() } else { Vec::new() };
         Self::of(places.retagged(tag), reach, links)
@@ -116,8 +116,8 @@ impl Visibility {
     #[inline(always)]
     fn median(&self, number: u32, links: &[u32; LINKS]) -> Option<bool> {
         let (mut lit, mut shaded, mut count) = (0, 0, 0);
-        for &who in links.iter().filter(|&&who| who != NOBODY).chain([&number]) {
-            let answer = self.answer(who);
+        for &index in links.iter().filter(|&&index| index != NO_AGENT).chain([&number]) {
+            let answer = self.answer(index);
             lit += u32::from(answer == Some(true));
             shaded += u32::from(answer == Some(false));
             count += 1;
@@ -134,14 +134,15 @@ impl Visibility {
     pub(super) fn network_at(&self, p: Vec3, width: f32) -> Option<f32> {
         let number = self.places.nearest_where(p, f32::INFINITY, |_| true)?;
         let links = self.links.get(number as usize)?;
-        let place = |who: u32| self.places.photon(who).p;
+        let place = |index: u32| self.places.photon(index).p;
         let own = place(number);
-        let is_on_link = |who: u32| {
-            let along = place(who) - own;
+        let is_on_link = |index: u32| {
+            let along = place(index) - own;
             let share = ((p - own).dot(along) / along.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
             (own + along * share).distance(p) <= width
         };
-        let is_near = own.distance(p) <= 2.0 * width || links.iter().any(|&who| who != NOBODY && is_on_link(who));
+        let is_near =
+            own.distance(p) <= 2.0 * width || links.iter().any(|&index| index != NO_AGENT && is_on_link(index));
         is_near.then(|| match self.median(number, links) {
             Some(true) => 1.0,
             Some(false) => 0.25,
@@ -164,7 +165,7 @@ impl Visibility {
         let (links, rest) = links.as_chunks::<LINKS>();
         let is_sound = rest.is_empty()
             && (links.is_empty() || links.len() == places.len())
-            && links.as_flattened().iter().all(|&who| who == NOBODY || (who as usize) < places.len());
+            && links.as_flattened().iter().all(|&index| index == NO_AGENT || (index as usize) < places.len());
         is_sound.then(|| Self::of(places, reach, links.to_vec()))
     }
 

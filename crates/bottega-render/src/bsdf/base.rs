@@ -37,11 +37,11 @@ pub(super) struct LayeredBase {
     boundary: CoupledDiffuse,
     boundary_through: CoupledDiffuse,
     /// The tables that the cosine lobes need.
-    uses: Uses,
+    uses: NeededTables,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
-struct Uses {
+struct NeededTables {
     single: bool,
     rise: bool,
     boundary: bool,
@@ -50,7 +50,7 @@ struct Uses {
 /// Shares of the light along one direction that are not scattered once: 1 − E of the facets, of the cover over the
 /// diffuse base, and of the solid's boundary. Arbitrary where no lobe uses the value.
 #[derive(Clone, Copy)]
-pub(super) struct Rest {
+pub(super) struct UnscatteredShares {
     multiple: f32,
     diffuse: f32,
     boundary: f32,
@@ -127,7 +127,7 @@ impl LayeredBase {
             multiple_through: CoupledDiffuse::BLACK,
             boundary: CoupledDiffuse::BLACK,
             boundary_through: CoupledDiffuse::BLACK,
-            uses: Uses::default(),
+            uses: NeededTables::default(),
         };
         // A solid has no diffuse transmission
         let beyond = if through == TransmissionKind::Solid { 0.0 } else { p.diffuse_transmission };
@@ -201,10 +201,10 @@ impl LayeredBase {
         self.boundary_through = CoupledDiffuse::new(base_color * (weight * crossed), far);
     }
 
-    fn used(&self) -> Uses {
+    fn used(&self) -> NeededTables {
         let is_bare = self.diffuse.is_black() && self.diffuse_through.is_black();
         let diffuse = !(is_bare || self.cover.is_constant());
-        Uses {
+        NeededTables {
             single: diffuse || !(self.multiple.is_black() && self.multiple_through.is_black()),
             rise: diffuse,
             boundary: self.interface.through == TransmissionKind::Solid,
@@ -228,7 +228,7 @@ impl LayeredBase {
     }
 
     /// Returns the shares not scattered once along a direction; `inside`: `true` if the direction is within the solid.
-    pub(super) fn rest(&self, mu: Mu, inside: bool) -> Rest {
+    pub(super) fn rest(&self, mu: Mu, inside: bool) -> UnscatteredShares {
         let mu = Some(mu);
         let single = if self.uses.single { self.tables.single(mu, self.rough) } else { 1.0 };
         let rise = if self.uses.rise { self.rise(mu, self.rough) } else { 0.0 };
@@ -236,12 +236,16 @@ impl LayeredBase {
         self.rest_of(single, rise, boundary)
     }
 
-    fn rest_of(&self, single: f32, rise: f32, boundary: f32) -> Rest {
-        Rest { multiple: 1.0 - single, diffuse: 1.0 - self.cover.at(single, rise), boundary: 1.0 - boundary }
+    fn rest_of(&self, single: f32, rise: f32, boundary: f32) -> UnscatteredShares {
+        UnscatteredShares {
+            multiple: 1.0 - single,
+            diffuse: 1.0 - self.cover.at(single, rise),
+            boundary: 1.0 - boundary,
+        }
     }
 
     /// Returns the shares not scattered once along wo, and the albedo of each lobe.
-    pub(super) fn rest_and_albedo(&self, cos: f32) -> (Rest, BaseAlbedo) {
+    pub(super) fn rest_and_albedo(&self, cos: f32) -> (UnscatteredShares, BaseAlbedo) {
         let mu = Mu::new(cos);
         let at = Some(mu);
         let (rest, interface) = if self.inside {
@@ -266,19 +270,19 @@ impl LayeredBase {
     }
 
     /// Returns f of the cosine lobes on the side of wo.
-    pub(super) fn cosine(&self, o: &Rest, i: &Rest) -> Spectrum {
+    pub(super) fn cosine(&self, o: &UnscatteredShares, i: &UnscatteredShares) -> Spectrum {
         self.diffuse.eval(o.diffuse, i.diffuse)
             + self.multiple.eval(o.multiple, i.multiple)
             + self.boundary.eval(o.boundary, i.boundary)
     }
 
-    /// Returns f of diffuse light that comes from below and leaves along a direction with cosine `cos`, whatever way it came.
+    /// Returns f of diffuse light from below that leaves along a direction with cosine `cos`. It does not depend on wi.
     pub(super) fn leaving(&self, cos: f32) -> Spectrum {
         self.diffuse_through.eval(1.0, self.rest(Mu::new(cos), false).diffuse)
     }
 
     /// Returns f of the cosine lobes on the far side, in importance mode.
-    pub(super) fn cosine_through(&self, o: &Rest, i: &Rest) -> Spectrum {
+    pub(super) fn cosine_through(&self, o: &UnscatteredShares, i: &UnscatteredShares) -> Spectrum {
         self.diffuse_through.eval(o.diffuse, i.diffuse)
             + self.multiple_through.eval(o.multiple, i.multiple)
             + self.boundary_through.eval(o.boundary, i.boundary)

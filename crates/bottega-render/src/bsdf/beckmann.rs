@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn the_facets_that_are_seen_cover_what_is_seen_of_the_surface() {
+    fn visible_facets_cover_the_visible_surface() {
         // cos θ / G₁ is the visible area, within the error of the fit
         let facets = Beckmann { alpha: [0.4, 0.7] };
         for (x, y, z) in [(0.0, 0.0, 1.0), (0.5, 0.2, 0.8), (0.9, 0.1, 0.2), (-0.3, 0.9, 0.05)] {

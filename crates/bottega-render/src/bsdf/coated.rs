@@ -84,7 +84,7 @@ pub(super) struct Stack {
 }
 
 /// Random numbers of a walk, derived from two directions.
-struct Chances(SplitMix64);
+struct WalkRandom(SplitMix64);
 
 impl Stack {
     /// Creates a stack; `eta`: index of refraction of the layer over that of the outside; `facets`: of the boundary.
@@ -201,7 +201,7 @@ impl Stack {
     fn walk(&self, wo: Vec3, wi: Vec3) -> Spectrum {
         let ClearLayer { thickness, albedo, g, max_depth } = self.layer;
         let scatters = albedo != Spectrum::ZERO;
-        let mut chances = Chances::new(wo, wi);
+        let mut chances = WalkRandom::new(wo, wi);
         // Refract the view path into the layer
         let Some((mut w, entered)) = self.enter(wo, chances.pair()) else { return Spectrum::ZERO };
         // Refract the light path into the layer, for next-event estimation: `exit` points down, against the light
@@ -326,7 +326,7 @@ impl Stack {
     /// absorbed, or only mirrored by smooth surfaces, which is a separate Dirac lobe.
     ///
     /// - `u`: samples the first facet, or below a smooth boundary the first direction from the base.
-    fn walk_out(&self, wo: Vec3, u: [f32; 2], mut chances: Chances) -> Option<(Vec3, Spectrum)> {
+    fn walk_out(&self, wo: Vec3, u: [f32; 2], mut chances: WalkRandom) -> Option<(Vec3, Spectrum)> {
         let ClearLayer { thickness, albedo, g, max_depth } = self.layer;
         let scatters = albedo != Spectrum::ZERO;
         let rough_top = !self.facets.is_smooth();
@@ -408,13 +408,13 @@ impl Scatter for Stack {
         (value, self.likeness(wo, wi))
     }
 
-    /// The value is set so that the sample's weight is the throughput of the walk, which estimates f like `eval_pdf`
-    /// does, with less noise.
+    /// Samples a direction. The sample's weight is the throughput of the walk: it estimates f as `eval_pdf` does, with
+    /// less noise.
     fn sample(&self, wo: Vec3, u_lobe: f32, u: [f32; 2], _mode: TransportMode) -> Option<BsdfSample> {
         let [surface, _] = self.chances(wo.z);
         let (is_surface, rest) = split(u_lobe, surface);
         let (wi, weight, kind) = if !is_surface {
-            let (wi, carried) = self.walk_out(wo, u, Chances::new(wo, Vec3::new(rest, u[0], u[1])))?;
+            let (wi, carried) = self.walk_out(wo, u, WalkRandom::new(wo, Vec3::new(rest, u[0], u[1])))?;
             (wi, carried / (1.0 - surface), LobeFlags::DIFFUSE)
         } else if self.facets.is_smooth() {
             let wi = Vec3::new(-wo.x, -wo.y, wo.z);
@@ -481,7 +481,7 @@ fn sample_henyey_greenstein(g: f32, w: Vec3, u: [f32; 2]) -> Vec3 {
     Frame::from_normal(w).to_world(Vec3::new(sin * cos_phi, sin * sin_phi, cos)).normalize()
 }
 
-impl Chances {
+impl WalkRandom {
     fn new(wo: Vec3, wi: Vec3) -> Self {
         let bits = [wo.x, wo.y, wo.z, wi.x, wi.y, wi.z].map(f32::to_bits);
         Self(SplitMix64::new(

@@ -124,11 +124,11 @@ pub(super) fn alpha_of(index: usize) -> f32 {
     root * root
 }
 
-type Family = [OnceLock<CoverCurve>; ROUGHNESS];
+type CurvesByRoughness = [OnceLock<CoverCurve>; ROUGHNESS];
 
 /// Returns the curves of a boundary, by roughness. They live as long as the process: about 13 kB per boundary.
-fn family(boundary: Boundary) -> &'static Family {
-    static FAMILIES: RwLock<BTreeMap<Boundary, &'static Family>> = RwLock::new(BTreeMap::new());
+fn family(boundary: Boundary) -> &'static CurvesByRoughness {
+    static FAMILIES: RwLock<BTreeMap<Boundary, &'static CurvesByRoughness>> = RwLock::new(BTreeMap::new());
     if let Some(family) = FAMILIES.read().unwrap_or_else(PoisonError::into_inner).get(&boundary) {
         return family;
     }
@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rough_boundary_lets_through_what_a_sum_over_all_slopes_says() {
+    fn a_rough_boundary_transmits_the_sum_over_all_slopes() {
         // Over slopes of either sign, in steps of 1/200 α, for Beckmann's facets with α = 0.1.
         let cover = RoughCover::new(Distribution::Beckmann, Shadowing::Separable, 1.49, 0.1, 0.0, Mean::Exact);
         for (node, expected) in [(48.0, 0.954_80), (32.0, 0.913_27), (16.0, 0.749_16), (8.0, 0.569_38)] {
@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn a_smooth_boundary_lets_through_what_fresnel_says() {
+    fn a_smooth_boundary_transmits_by_fresnel() {
         for eta in [1.3, 1.5, 2.4] {
             for cos in [1.0, 0.5, 0.25] {
                 assert!((smooth(eta).through(cos) - (1.0 - fresnel::dielectric(cos, eta))).abs() < 3e-3);
@@ -288,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_in_comes_out() {
+    fn transmission_outwards_follows_from_reciprocity() {
         // By reciprocity, η² (1 − back) is the mean of the transmission
         for alpha in [0.0, 0.1, 0.4] {
             for distribution in [Distribution::Ggx, Distribution::Beckmann] {

@@ -6,7 +6,7 @@
 //! of the longitudinal angle θ and a distribution N_p of the azimuth φ. Light leaves where it entered, and the model
 //! depends on the offset h of that point across the width of the fibre. White hair loses nothing.
 //!
-//! Parameters: what the fibre absorbs, as σ_a per radius, as the reflectance of many fibres, or as concentrations of
+//! Parameters: absorption of the fibre, as σ_a per radius, as the reflectance of many fibres, or as concentrations of
 //! eumelanin and pheomelanin; index of refraction; longitudinal and azimuthal roughness β_m and β_n in [0, 1]; angle α of
 //! the scales, in degrees. Source: Chiang, Bitterli, Tappan and Burley 2016, *A Practical and Controllable Hair and Fur
 //! Model for Production Path Tracing*; M_p by d'Eon and others 2011, *An Energy-Conserving Hair Reflectance Model*, and
@@ -86,8 +86,8 @@ pub(super) struct Hair {
     roughness: f32,
 }
 
-/// What the lobes of a fibre have in common for one outgoing direction.
-struct Outgoing {
+/// Values that all lobes of a fibre share for one outgoing direction.
+struct OutgoingTerms {
     sin_theta: f32,
     cos_theta: f32,
     phi: f32,
@@ -126,7 +126,7 @@ impl Hair {
     }
 
     /// Computes what depends on the outgoing direction alone.
-    fn outgoing(&self, wo: Vec3) -> Outgoing {
+    fn outgoing(&self, wo: Vec3) -> OutgoingTerms {
         let sin_theta = wo.x.clamp(-1.0, 1.0);
         let cos_theta = across(wo).min(1.0);
         let h = match self.h {
@@ -148,7 +148,7 @@ impl Hair {
         let inside = transmittance * reflected;
         let once = through * inside;
         let rest = once * inside / (Spectrum::ONE - inside).max(Spectrum::splat(1e-6));
-        Outgoing {
+        OutgoingTerms {
             sin_theta,
             cos_theta,
             phi: math::atan2(wo.z, wo.y),
@@ -159,8 +159,8 @@ impl Hair {
     }
 
     /// Returns θ_o of a lobe, turned by the scales: its sine and cosine.
-    fn tilted(&self, p: usize, outgoing: &Outgoing) -> (f32, f32) {
-        let Outgoing { sin_theta, cos_theta, .. } = *outgoing;
+    fn tilted(&self, p: usize, outgoing: &OutgoingTerms) -> (f32, f32) {
+        let OutgoingTerms { sin_theta, cos_theta, .. } = *outgoing;
         let Some((sin, cos)) = self.tilt.get(p) else { return (sin_theta, cos_theta) };
         (sin_theta * cos + cos_theta * sin, (cos_theta * cos - sin_theta * sin).abs())
     }
@@ -186,7 +186,7 @@ impl Hair {
     }
 }
 
-impl Outgoing {
+impl OutgoingTerms {
     /// Returns the probability with which each lobe is sampled.
     fn chances(&self) -> [f32; LOBES] {
         let weights = self.attenuation.map(mean);

@@ -47,7 +47,7 @@ pub(super) struct Interface {
 
 /// Reflection and transmission of one facet.
 #[derive(Clone, Copy)]
-struct Split {
+struct FacetShares {
     reflected: Spectrum,
     transmitted: Spectrum,
     /// Probability of sampling reflection.
@@ -109,11 +109,11 @@ impl Interface {
     /// Splits the light at a facet.
     ///
     /// - `carried`: throughput per channel; with dispersion, it determines the probability of reflection.
-    fn split(&self, cos: f32, carried: Spectrum) -> Split {
+    fn split(&self, cos: f32, carried: Spectrum) -> FacetShares {
         let (metal, dielectric) = self.reflectances(cos);
         let reflected = self.metal * metal + self.dielectric * dielectric;
         if self.through == TransmissionKind::Nothing {
-            return Split { reflected, transmitted: Spectrum::ZERO, reflection: 1.0 };
+            return FacetShares { reflected, transmitted: Spectrum::ZERO, reflection: 1.0 };
         }
         let passed = if self.is_dispersive() {
             Spectrum::ONE - dielectric
@@ -127,7 +127,7 @@ impl Interface {
             (mean(reflected), mean(transmitted))
         };
         let reflection = if r + t > 0.0 { r / (r + t) } else { 1.0 };
-        Split { reflected, transmitted, reflection }
+        FacetShares { reflected, transmitted, reflection }
     }
 
     /// Returns true if nothing is reflected or transmitted.
@@ -173,7 +173,7 @@ impl Interface {
         wo: Vec3,
         wi: Vec3,
         carried: Spectrum,
-        share: impl Fn(Split) -> (Spectrum, f32),
+        share: impl Fn(FacetShares) -> (Spectrum, f32),
     ) -> (Spectrum, f32) {
         let Some(h) = (wo + wi).try_normalize() else { return (Spectrum::ZERO, 0.0) };
         let (color, probability) = share(self.split(wo.dot(h), carried));
@@ -182,7 +182,7 @@ impl Interface {
     }
 
     fn refracted(&self, wo: Vec3, wi: Vec3, mode: TransportMode, carried: Spectrum) -> (Spectrum, f32) {
-        let by = |eta, share: &dyn Fn(&Split) -> (Spectrum, f32)| {
+        let by = |eta, share: &dyn Fn(&FacetShares) -> (Spectrum, f32)| {
             self.refracted_by(wo, wi, eta, mode, |cos| share(&self.split(cos, carried)))
         };
         if !self.is_dispersive() {
@@ -271,7 +271,7 @@ impl Interface {
     }
 }
 
-impl Split {
+impl FacetShares {
     /// Returns the probability of a channel for refraction; a path with a single channel left follows it.
     fn channel_chance(&self, channel: usize, carried: Spectrum) -> f32 {
         let sum = self.transmitted.dot(carried);

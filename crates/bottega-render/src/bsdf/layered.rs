@@ -8,7 +8,7 @@
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
-use super::base::{LayeredBase, Rest};
+use super::base::{LayeredBase, UnscatteredShares};
 use super::coat::Coat;
 use super::fresnel::mean;
 use super::interface::{BoundarySample, Interface, TransmissionKind};
@@ -42,7 +42,7 @@ pub(super) struct LayeredAt<'a> {
 /// The values that depend on a single direction.
 #[derive(Clone, Copy)]
 struct Profile {
-    base: Rest,
+    base: UnscatteredShares,
     /// Share of the light that the coat lets pass; `sheen` likewise.
     coat: f32,
     sheen: f32,
@@ -129,7 +129,7 @@ impl Layered {
         self.profile(wi, self.base.rest(mu, inside), inside)
     }
 
-    fn profile(&self, w: Vec3, base: Rest, inside: bool) -> Profile {
+    fn profile(&self, w: Vec3, base: UnscatteredShares, inside: bool) -> Profile {
         let tables = self.base.tables;
         Profile {
             base,

@@ -13,7 +13,7 @@ use super::matte::{RoughMatte, Translucent};
 use super::plastic::Plastic;
 use super::principled::{Principled, PrincipledSheet};
 use super::scatter::{Lobes, Scatter};
-use super::subsurface::Leaving;
+use super::subsurface::SubsurfaceExit;
 use super::{BsdfSample, LiftedNormal, LobeFlags, SurfaceParams, TransportMode, warp};
 
 /// The BSDF at one point. See the [module](super) for the local frame.
@@ -47,12 +47,12 @@ enum BsdfKind {
     /// A bare mirror, clear solid or thin sheet: a shortcut with the same result as the layers.
     Smooth(Interface),
     Layered(Layered),
-    Other(Other),
+    Other(OtherBsdf),
 }
 
-/// The surfaces of other formats than glTF's layered one.
+/// BSDFs of surfaces other than glTF's layered one.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Other {
+pub(super) enum OtherBsdf {
     RoughMatte(RoughMatte),
     Translucent(Translucent),
     Conductor(Conductor),
@@ -62,28 +62,28 @@ pub(super) enum Other {
     Principled(Principled),
     PrincipledSheet(PrincipledSheet),
     Hair(Hair),
-    Leaving(Leaving),
+    SubsurfaceExit(SubsurfaceExit),
 }
 
-/// Dispatches an expression over all kinds of `Other`.
+/// Dispatches an expression over all kinds of `OtherBsdf`.
 macro_rules! ask {
     ($other:expr, $it:ident => $answer:expr) => {
         match $other {
-            Other::RoughMatte($it) => $answer,
-            Other::Translucent($it) => $answer,
-            Other::Conductor($it) => $answer,
-            Other::Dielectric($it) => $answer,
-            Other::Plastic($it) => $answer,
-            Other::Stack($it) => $answer,
-            Other::Principled($it) => $answer,
-            Other::PrincipledSheet($it) => $answer,
-            Other::Hair($it) => $answer,
-            Other::Leaving($it) => $answer,
+            OtherBsdf::RoughMatte($it) => $answer,
+            OtherBsdf::Translucent($it) => $answer,
+            OtherBsdf::Conductor($it) => $answer,
+            OtherBsdf::Dielectric($it) => $answer,
+            OtherBsdf::Plastic($it) => $answer,
+            OtherBsdf::Stack($it) => $answer,
+            OtherBsdf::Principled($it) => $answer,
+            OtherBsdf::PrincipledSheet($it) => $answer,
+            OtherBsdf::Hair($it) => $answer,
+            OtherBsdf::SubsurfaceExit($it) => $answer,
         }
     };
 }
 
-impl Scatter for Other {
+impl Scatter for OtherBsdf {
     fn eval_pdf(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> (Spectrum, f32) {
         ask!(self, it => it.eval_pdf(wo, wi, mode))
     }
@@ -118,7 +118,7 @@ enum KindAt<'a> {
     Lambert(Spectrum),
     Smooth(&'a Interface, Vec3, TransportMode, Spectrum),
     Layered(LayeredAt<'a>),
-    Other(&'a Other, Vec3, TransportMode),
+    Other(&'a OtherBsdf, Vec3, TransportMode),
 }
 
 impl Bsdf {
@@ -139,7 +139,7 @@ impl Bsdf {
 
     /// Creates the BSDF of light that leaves a layered material from below; see [`Subsurface`](bottega_scene::Subsurface).
     pub(super) fn leaving(params: &SurfaceParams) -> Self {
-        Self::other(Some(Other::Leaving(Leaving::new(&params.clamped()))))
+        Self::other(Some(OtherBsdf::SubsurfaceExit(SubsurfaceExit::new(&params.clamped()))))
     }
 
     const fn of(kind: BsdfKind) -> Self {
@@ -157,7 +157,7 @@ impl Bsdf {
     }
 
     /// Wraps one of the other kinds; `None`: black.
-    pub(super) fn other(other: Option<Other>) -> Self {
+    pub(super) fn other(other: Option<OtherBsdf>) -> Self {
         Self::of(other.map_or(BsdfKind::Black, BsdfKind::Other))
     }
 
@@ -232,7 +232,7 @@ impl Bsdf {
     /// other surfaces.
     pub(crate) fn straight(&self, wo: Vec3) -> Spectrum {
         match &self.kind {
-            BsdfKind::Other(Other::Dielectric(dielectric)) if is_above(wo) => dielectric.straight(wo) * self.gain(),
+            BsdfKind::Other(OtherBsdf::Dielectric(dielectric)) if is_above(wo) => dielectric.straight(wo) * self.gain(),
             _ => Spectrum::ZERO,
         }
     }
@@ -483,7 +483,7 @@ mod tests {
     }
 
     #[test]
-    fn what_needs_layers_takes_no_short_way() {
+    fn layered_surfaces_are_not_simplified() {
         let lambert = SurfaceParams { specular: 0.0, ..SurfaceParams::default() };
         let glass = SurfaceParams { transmission: 1.0, roughness: 0.0, ..SurfaceParams::default() };
         for params in [

@@ -98,13 +98,13 @@ fn diffuse_ratio(color: f32, eta: f32) -> f32 {
     (3.0 * (1.0 - 0.5 * (low + high))).sqrt()
 }
 
-/// The light that leaves a surface from below, whatever way it came: the lobe (1 − E(μi)) / (π (1 − E̅)) of white light.
+/// Light that leaves a surface from below, independent of its direction there: the lobe (1 − E(μi)) / (π (1 − E̅)) of white light.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Leaving {
+pub(super) struct SubsurfaceExit {
     base: LayeredBase,
 }
 
-impl Leaving {
+impl SubsurfaceExit {
     /// Creates the lobe below the dielectric of a layered surface; the caller clamps `p`.
     pub(super) fn new(p: &SurfaceParams) -> Self {
         let params = SurfaceParams {
@@ -119,7 +119,7 @@ impl Leaving {
     }
 }
 
-impl Scatter for Leaving {
+impl Scatter for SubsurfaceExit {
     fn eval_pdf(&self, _wo: Vec3, wi: Vec3, _mode: TransportMode) -> (Spectrum, f32) {
         if wi.z <= 0.0 {
             return (Spectrum::ZERO, 0.0);

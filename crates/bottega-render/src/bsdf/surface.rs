@@ -18,7 +18,7 @@ use super::microfacet::Microfacets;
 use super::plastic::Plastic;
 use super::principled::{Principled, PrincipledParams, PrincipledSheet};
 use super::scatter::{split, within_range};
-use super::scattering::Other;
+use super::scattering::OtherBsdf;
 use super::subsurface::Interior;
 use super::{Bsdf, LiftedNormal, SurfaceParams};
 use crate::mapping::{MappingPoint, TexturePlace};
@@ -190,9 +190,11 @@ fn of_part(scene: &Scene, surface: &Surface, point: &SurfacePoint) -> Bsdf {
             // Scale down if reflectance and transmittance exceed 1 in sum
             let scale = 1.0 / (reflectance + transmittance).max(Spectrum::ONE);
             let translucent = Translucent::new(reflectance * scale, transmittance * scale);
-            Bsdf::other(translucent.map(Other::Translucent))
+            Bsdf::other(translucent.map(OtherBsdf::Translucent))
         }
-        Surface::Conductor(conductor) => Bsdf::other(of_conductor(scene, conductor, point, 1.0).map(Other::Conductor)),
+        Surface::Conductor(conductor) => {
+            Bsdf::other(of_conductor(scene, conductor, point, 1.0).map(OtherBsdf::Conductor))
+        }
         Surface::Dielectric(dielectric) => {
             let inside = !dielectric.thin && !point.front;
             let dielectric = Dielectric::new(
@@ -202,7 +204,7 @@ fn of_part(scene: &Scene, surface: &Surface, point: &SurfacePoint) -> Bsdf {
                 point.facets(scene, &dielectric.facets),
                 dielectric.thin,
             );
-            Bsdf::other(dielectric.map(Other::Dielectric))
+            Bsdf::other(dielectric.map(OtherBsdf::Dielectric))
         }
         Surface::Plastic(plastic) => {
             let facets = point.facets(scene, &plastic.facets);
@@ -210,18 +212,18 @@ fn of_part(scene: &Scene, surface: &Surface, point: &SurfacePoint) -> Bsdf {
             let specular = point.share(scene, &plastic.specular);
             let has_cover = plastic.inner != InnerReflection::Lost && !facets.is_smooth();
             let cover = has_cover.then(|| facets.cover(eta, 0.0, Mean::Nodes));
-            Bsdf::other(Some(Other::Plastic(Plastic::new(eta, diffuse, specular, plastic.inner, facets, cover))))
+            Bsdf::other(Some(OtherBsdf::Plastic(Plastic::new(eta, diffuse, specular, plastic.inner, facets, cover))))
         }
         Surface::Coated(coated) => Bsdf::other(Some(of_coated(scene, coated, point))),
         Surface::Principled(principled) => {
             let params = of_principled(scene, principled, point);
             Bsdf::other(Some(if principled.thin {
-                Other::PrincipledSheet(PrincipledSheet::new(params))
+                OtherBsdf::PrincipledSheet(PrincipledSheet::new(params))
             } else {
-                Other::Principled(Principled::new(params, !point.front && params.spec_trans > 0.0))
+                OtherBsdf::Principled(Principled::new(params, !point.front && params.spec_trans > 0.0))
             }))
         }
-        Surface::Hair(hair) => Bsdf::other(Some(Other::Hair(Hair::new(&of_hair(scene, hair, point))))),
+        Surface::Hair(hair) => Bsdf::other(Some(OtherBsdf::Hair(Hair::new(&of_hair(scene, hair, point))))),
     }
 }
 
@@ -229,13 +231,13 @@ fn of_diffuse(scene: &Scene, diffuse: &Diffuse, point: &SurfacePoint) -> Bsdf {
     let color = point.base(scene, &diffuse.reflectance);
     let deviation = point.scalar(scene, &diffuse.roughness);
     if deviation > 0.0 && color != Spectrum::ZERO {
-        Bsdf::other(Some(Other::RoughMatte(RoughMatte::new(color, deviation.min(10.0)))))
+        Bsdf::other(Some(OtherBsdf::RoughMatte(RoughMatte::new(color, deviation.min(10.0)))))
     } else {
         Bsdf::lambert(color)
     }
 }
 
-fn of_coated(scene: &Scene, coated: &Coated, point: &SurfacePoint) -> Other {
+fn of_coated(scene: &Scene, coated: &Coated, point: &SurfacePoint) -> OtherBsdf {
     let eta = sound_eta(coated.eta);
     let facets = point.facets(scene, &coated.facets);
     let layer = ClearLayer {
@@ -250,9 +252,9 @@ fn of_coated(scene: &Scene, coated: &Coated, point: &SurfacePoint) -> Other {
             let color = point.base(scene, &diffuse.reflectance);
             if layer.albedo == Spectrum::ZERO {
                 let cover = facets.cover(eta, layer.thickness, Mean::Exact);
-                Other::Plastic(matte_coated(eta, color, facets, &layer, cover))
+                OtherBsdf::Plastic(matte_coated(eta, color, facets, &layer, cover))
             } else {
-                Other::Stack(Stack::new(eta, facets, layer, StackBase::Matte(color)))
+                OtherBsdf::Stack(Stack::new(eta, facets, layer, StackBase::Matte(color)))
             }
         }
         CoatedBase::Conductor(conductor) => {
@@ -260,7 +262,7 @@ fn of_coated(scene: &Scene, coated: &Coated, point: &SurfacePoint) -> Other {
                 Some(metal) => StackBase::Metal(metal),
                 None => StackBase::Matte(Spectrum::ZERO),
             };
-            Other::Stack(Stack::new(eta, facets, layer, base))
+            OtherBsdf::Stack(Stack::new(eta, facets, layer, base))
         }
     }
 }
@@ -307,7 +309,9 @@ fn of_hair(scene: &Scene, hair: &HairSurface, point: &SurfacePoint) -> HairParam
     }
 }
 
-/// `outside`: index of refraction of the medium around the metal.
+/// Returns the BSDF of a metal at a point.
+///
+/// - `outside`: index of refraction of the medium around the metal.
 fn of_conductor(
     scene: &Scene,
     conductor: &bottega_scene::Conductor,

@@ -213,14 +213,14 @@ const CAPS: usize = 16;
 
 /// All tables at one μ and one roughness, except sheen.
 #[derive(Clone, Copy, Default)]
-struct Cell {
+struct TableValues {
     single: f32,
     schlick: f32,
     rise: [f32; INDEX],
     boundary: [[f32; INDEX]; 2],
 }
 
-impl Cell {
+impl TableValues {
     fn integrate(mu: f32, roughness: f32) -> Self {
         let ggx = Ggx::from_roughness(roughness);
         let wo = Vec3::new((1.0 - mu * mu).max(0.0).sqrt(), 0.0, mu);

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use bottega_scene::{Mesh, Scene};
 use glam::{Mat3, Vec3};
 
-use super::{InstanceRecord, MeshRecord, NONE, Portable, SphereRecord, Words, header};
+use super::{InstanceRecord, MeshRecord, NONE, Portable, SphereRecord, WordBuffer, header};
 use crate::prepare::PreparedScene;
 
 /// Returns an upper bound of the number of words of the geometry.
@@ -18,7 +18,7 @@ pub(super) fn count(prepared: &PreparedScene) -> u64 {
 }
 
 /// Writes instances, meshes and spheres, and their offsets into the header.
-pub(super) fn write(prepared: &PreparedScene, words: &mut Words) {
+pub(super) fn write(prepared: &PreparedScene, words: &mut WordBuffer) {
     let scene: &Scene = prepared.scene();
     let mut looks = looks(scene);
     for (&(mesh, material), place) in &mut looks {
@@ -54,11 +54,11 @@ fn looks(scene: &Scene) -> BTreeMap<(u32, u32), u32> {
 
 /// Writes the arrays of a mesh with a material, then its record, and returns the record's offset. Omits arrays that the
 /// material does not need.
-fn write_mesh(mesh: &Mesh, material_index: u32, prepared: &PreparedScene, words: &mut Words) -> u32 {
+fn write_mesh(mesh: &Mesh, material_index: u32, prepared: &PreparedScene, words: &mut WordBuffer) -> u32 {
     let material = prepared.material(material_index).1;
     let lifts = !mesh.normals.is_empty() && !material.transmits;
     let wants_uvs = material.is_textured || material.needs_tangents;
-    let mut place_of = |is_wanted: bool, write: &dyn Fn(&mut Words)| {
+    let mut place_of = |is_wanted: bool, write: &dyn Fn(&mut WordBuffer)| {
         if !is_wanted {
             return NONE;
         }

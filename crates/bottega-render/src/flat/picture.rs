@@ -1,6 +1,6 @@
 //! A flat picture: camera and filter.
 
-use super::Words;
+use super::WordBuffer;
 use crate::{
     camera::CameraRays,
     error::RenderError,
@@ -28,7 +28,7 @@ impl FlatPicture {
         if view.width == 0 || view.height == 0 {
             return Err(RenderError::EmptyPicture { width: view.width, height: view.height });
         }
-        let mut words = Words::default();
+        let mut words = WordBuffer::default();
         words.record(&CameraRays::new(&camera, view.width, view.height).record());
         FilterSampler::new(filter).write(&mut words);
         Ok(Self { words: words.into_inner().0 })

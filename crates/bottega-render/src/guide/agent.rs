@@ -110,7 +110,7 @@ impl RegionAgent {
 
 /// A traced camera path.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct EyePath {
+pub(super) struct TracedPath {
     /// Position in the picture, in [0, 1)².
     pub(super) place: [f32; 2],
     /// Greatest channel of its radiance.

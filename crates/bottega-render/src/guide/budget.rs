@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_learnt_from_follows_noise_and_samples() {
+    fn the_learning_budget_follows_noise_and_samples() {
         let (small, large) = (LearningBudget::new(1 << 19), LearningBudget::new(1 << 24));
         let noises = [0.3, 2.0, 20.0, f64::NAN];
         assert_eq!(noises.map(|noise| small.goes_on(noise)), [false, false, true, false]);

@@ -13,7 +13,7 @@ use super::tree::{Guide, GuideNode, Lattice, Region};
 
 /// The error of bytes that are not a valid guide.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("these bytes are nothing that was learnt of a scene")]
+#[error("the bytes are not a guide of a scene")]
 pub struct UnreadGuide;
 
 impl Guide {
@@ -109,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_learnt_comes_back_bit_for_bit() {
+    fn a_guide_is_read_back_bit_for_bit() {
         let plan = PaintPlan::new(2, 1, vec![PaintingWay::Plain, PaintingWay::ByWorth]).unwrap();
         let guide = example(Vec3::new(0.48, 0.8, 0.36)).planned(plan);
         let bytes = guide.to_bytes();
@@ -129,7 +129,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn whatever_the_bytes_a_guide_ends_and_does_not_panic(at in any::<prop::sample::Index>(), byte in any::<u8>(), end in any::<prop::sample::Index>()) {
+        fn damaged_bytes_of_a_guide_never_panic_or_loop(at in any::<prop::sample::Index>(), byte in any::<u8>(), end in any::<prop::sample::Index>()) {
             let mut bytes = example(Vec3::Y).to_bytes();
             // Most bytes are weights; errors are likely only in the leading ones.
             let place = at.index(bytes.len().min(400));

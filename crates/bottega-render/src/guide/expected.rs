@@ -1,7 +1,7 @@
 //! The brightness and the importance of the parts of a picture, from paths all over it.
 
 use super::{
-    agent::{EyePath, PictureWorth},
+    agent::{PictureWorth, TracedPath},
     tree::Guide,
 };
 
@@ -27,7 +27,7 @@ pub(super) struct PictureParts {
 
 impl PictureParts {
     /// Computes the brightness from paths all over a picture of this size in pixels.
-    pub(super) fn new(size: [u32; 2], paths: &[EyePath]) -> Self {
+    pub(super) fn new(size: [u32; 2], paths: &[TracedPath]) -> Self {
         let [width, height] = size.map(f64::from);
         let parts = (paths.len() / PATHS_PER_PART).max(1) as f64;
         let side = (width * height / parts).sqrt().max(SIDE_MIN);
@@ -62,7 +62,7 @@ impl PictureParts {
 
 impl PictureWorth {
     /// Computes the importance from paths all over a picture, the brightness of its parts, and what was learned.
-    pub(super) fn new(parts: PictureParts, paths: &[EyePath], guide: &Guide) -> Self {
+    pub(super) fn new(parts: PictureParts, paths: &[TracedPath], guide: &Guide) -> Self {
         let PictureParts { grid, shown } = parts;
         // The unit of importance: with it, paths continue as one on average at their first vertex
         let mut sum = 0.0_f64;

@@ -4,7 +4,7 @@ use bottega_scene::Spectrum;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::agent::{EyePath, PictureWorth};
+use super::agent::{PictureWorth, TracedPath};
 use super::budget::noise;
 use super::directions::place_of;
 use super::expected::PictureParts;
@@ -159,7 +159,7 @@ pub(crate) struct Training<'a> {
     /// Lights of the scene, if agents are learned in addition to directions.
     lights: Option<&'a Lights>,
     vertices: Vec<Vertex>,
-    seen: Vec<EyePath>,
+    seen: Vec<TracedPath>,
     /// Number of leading paths that belong to pixels.
     of_pixels: usize,
 }
@@ -210,9 +210,10 @@ impl<'a> Training<'a> {
     pub(crate) fn noise(&self) -> f64 {
         let samples = LearningPath::SAMPLES as usize;
         let parts = PictureParts::new(self.size, &self.seen);
-        let square = |block: &[EyePath]| {
-            let mean =
-                |paths: &[EyePath]| paths.iter().map(|path| f64::from(path.brightness)).sum::<f64>() / samples as f64;
+        let square = |block: &[TracedPath]| {
+            let mean = |paths: &[TracedPath]| {
+                paths.iter().map(|path| f64::from(path.brightness)).sum::<f64>() / samples as f64
+            };
             let (one, other) = block.split_at(samples);
             ((mean(one) - mean(other)) * f64::from(parts.weight(block[0].place))).powi(2)
         };
@@ -240,7 +241,7 @@ fn traced(
     paths: std::ops::Range<u32>,
     path: &(impl Fn(u32) -> LearningPath + Sync),
     trace: &(impl Fn(&[LearningPath], &mut [Trail]) -> Vec<FoundLight> + Sync),
-) -> Vec<(Vec<Vertex>, Vec<EyePath>)> {
+) -> Vec<(Vec<Vertex>, Vec<TracedPath>)> {
     let chunks = paths.len().div_ceil(PATHS_PER_CHUNK as usize) as u32;
     let of_chunk = |chunk: u32| {
         let first = paths.start + chunk * PATHS_PER_CHUNK;
@@ -251,7 +252,7 @@ fn traced(
             let found = trace(some, &mut trails[..some.len()]);
             for (FoundLight { radiance, place }, trail) in found.into_iter().zip(&mut trails) {
                 let first = trail.steps.first().map(|step| (step.p, step.normal, step.throughput.max_element()));
-                seen.push(EyePath { place, brightness: finite(radiance.max_element()), first });
+                seen.push(TracedPath { place, brightness: finite(radiance.max_element()), first });
                 trail.finish(radiance, &mut vertices);
             }
         }

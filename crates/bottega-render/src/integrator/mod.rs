@@ -19,7 +19,7 @@ pub(crate) use record::{PathRecord, Wanted};
 pub(crate) use surface::WantedSurface;
 pub(crate) use transport::shadow_ray;
 pub use transport::{ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN};
-pub(crate) use turns::Painting;
+pub(crate) use turns::SampleBatch;
 pub use wave::{Wave, WaveAnswers};
 
 use bottega_kernels::compiled;
@@ -65,7 +65,7 @@ impl<'a> Integrator<'a> {
         groups: Option<GroupBuffer<'_>>,
     ) {
         match self {
-            Self::Paths(integrator) => compiled::run(Painting { integrator, samples, records, groups }),
+            Self::Paths(integrator) => compiled::run(SampleBatch { integrator, samples, records, groups }),
             Self::Photons(integrator) => integrator.paint(samples, records),
         }
     }

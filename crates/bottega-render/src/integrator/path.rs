@@ -126,7 +126,7 @@ impl Path<'_> {
     /// - `guidance`: the result of [`Self::look_up`].
     /// - `AGENTS`: use what agents learned; the path may then split, and all branches but the current one go to
     ///   `branches`.
-    /// - `deferred`: receives the light samples, for the caller to test for occlusion before the path goes on. Only where
+    /// - `deferred`: receives the light samples, for the caller to test for occlusion before the path continues. Only where
     ///   surfaces let rays pass, and where the path is learned from, their shadow rays are traced here.
     #[inline(always)]
     pub(super) fn meet<const AGENTS: bool>(

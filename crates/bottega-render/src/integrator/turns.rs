@@ -24,7 +24,7 @@ use crate::{
 const LANES: usize = 8;
 
 /// A list of samples to trace.
-pub(crate) struct Painting<'a> {
+pub(crate) struct SampleBatch<'a> {
     /// Integrator of the picture; its plan may pick another one per pixel.
     pub(crate) integrator: &'a PathIntegrator<'a>,
     /// Samples as (x, y, sample index).
@@ -44,17 +44,17 @@ struct PathLane<'a> {
     hit: Hit,
     /// The interaction at the hit; `None`: the path ends there.
     point: Option<Interaction>,
-    /// What was learned there.
+    /// Learned data at the point.
     guidance: Guidance<'a>,
     /// Branches that wait to be traced.
     branches: Vec<Branch>,
     /// Light samples of the current vertex that wait for their shadow rays.
     deferred: Vec<DeferredLight>,
-    /// `true`: the path goes on from its current vertex.
+    /// `true`: the path continues from its current vertex.
     goes_on: bool,
 }
 
-impl Task for Painting<'_> {
+impl Task for SampleBatch<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -85,7 +85,7 @@ impl PathIntegrator<'_> {
     pub fn sample(&self, x: u32, y: u32, sample_index: u32) -> SampleValues {
         let mut records = Vec::new();
         let samples = &[(x, y, sample_index)];
-        compiled::run(Painting { integrator: self, samples, records: &mut records, groups: None });
+        compiled::run(SampleBatch { integrator: self, samples, records: &mut records, groups: None });
         records.first().copied().unwrap_or_default().values
     }
 }

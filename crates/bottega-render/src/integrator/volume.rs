@@ -32,7 +32,7 @@ use crate::{
     interaction::Interaction,
     lights::{Receiver, Segment},
     media::{
-        Filling, Homogeneous, Phase, channel_probabilities,
+        Homogeneous, Phase, PreparedMedium, channel_probabilities,
         varying::{CarriedLight, Line, Varying},
     },
     sampler::{DimensionSet, PixelSampler},
@@ -146,12 +146,12 @@ impl MediumPath<'_> {
         let segment = Segment { origin: self.origin, direction: self.direction, length: hit.t.min(reach) };
         match self.medium.map(|medium| prepared.medium(medium)) {
             None => self.add_arriving(self.throughput, arriving),
-            Some(Filling::Homogeneous(medium)) => {
+            Some(PreparedMedium::Homogeneous(medium)) => {
                 if let Some(goes_on) = self.pass(&medium, segment, arriving) {
                     return goes_on;
                 }
             }
-            Some(Filling::Varying(medium)) => {
+            Some(PreparedMedium::Varying(medium)) => {
                 if let Some(goes_on) = self.pass_varying(&medium, segment, arriving) {
                     return goes_on;
                 }

@@ -1,5 +1,6 @@
 use std::sync::Arc;
 
+use bottega_kernels::Ray;
 use bottega_scene::{Instance, Layered, Mesh, ScalarParam};
 use glam::Affine3A;
 

@@ -1,6 +1,6 @@
 //! Tabulated densities on the unit square, and sampling by them.
 
-use crate::flat::{NONE, TableRecord, Words};
+use crate::flat::{NONE, TableRecord, WordBuffer};
 
 /// Largest f32 below 1.
 const ONE_BELOW: f32 = 1.0 - f32::EPSILON / 2.0;
@@ -32,7 +32,7 @@ impl Cells {
     }
 
     /// Writes size, sums along each row, and sums of the rows.
-    pub(super) fn write(&self, words: &mut Words) -> TableRecord {
+    pub(super) fn write(&self, words: &mut WordBuffer) -> TableRecord {
         let sums = words.place();
         words.numbers(&self.conditional);
         let marginal = words.place();
@@ -141,7 +141,7 @@ impl Bilinear {
     }
 
     /// Writes size, values, sums along each row, and sums of the rows.
-    pub(super) fn write(&self, words: &mut Words) -> TableRecord {
+    pub(super) fn write(&self, words: &mut WordBuffer) -> TableRecord {
         let values = words.place();
         words.numbers(&self.values);
         let sums = words.place();

@@ -19,9 +19,9 @@ use glam::{Vec2, Vec3};
 
 use super::{Light, NO_LIGHT, distribution::Cells, environment::EnvironmentLight, punctual, sun::Sun};
 use crate::{color::luminance, extent::Extent, prepare::PreparedScene, sampler::Quad, sampling::uniform_sphere};
-use place::{Spread, Start};
+use place::{DirectionDensity, PhotonStart};
 use plan::{AIMED, FIRST, STEP};
-pub(crate) use plan::{Aim, EmissionPlan};
+pub(crate) use plan::{AimCone, EmissionPlan};
 
 /// Value added to every cell of a light's picture, as a fraction of the mean, so that light between the centres of texels
 /// is not missed.
@@ -44,23 +44,23 @@ pub(crate) struct EmittedPhoton {
     pub(crate) light: u32,
 }
 
-impl Start {
-    /// Returns the photon's origin, direction and power; redirects it with probability [`Aim::SHARE`] towards the visible
+impl PhotonStart {
+    /// Returns the photon's origin, direction and power; redirects it with probability [`AimCone::SHARE`] towards the visible
     /// part. The power accounts for both ways to draw the direction, by MIS.
     ///
     /// - `v`: direction (2), choice of the redirection (1), spare (1).
     fn aimed(self, plan: &EmissionPlan, v: Quad) -> (Vec3, Vec3, Spectrum) {
         let Self { origin, mut direction, power, spread } = self;
-        let aim = if matches!(spread, Spread::AsDrawn) { None } else { plan.aim(origin) };
+        let aim = if matches!(spread, DirectionDensity::AsDrawn) { None } else { plan.aim(origin) };
         let Some(aim) = aim else { return (origin, direction, power) };
-        let mut is_within = v[2] < Aim::SHARE;
+        let mut is_within = v[2] < AimCone::SHARE;
         if is_within {
             direction = aim.sample([v[0], v[1]]);
         } else {
             is_within = aim.contains(direction);
         }
         let pdf = match spread {
-            Spread::Cosine(n) => n.dot(direction).max(0.0) * FRAC_1_PI,
+            DirectionDensity::Cosine(n) => n.dot(direction).max(0.0) * FRAC_1_PI,
             _ => 0.25 * FRAC_1_PI,
         };
         (origin, direction, power * (pdf / aim.mixed(is_within, pdf)))
@@ -257,9 +257,9 @@ impl Emission {
     ) -> Option<EmittedPhoton> {
         let index = ((u[0] * self.sources.len() as f32) as usize).min(self.sources.len().checked_sub(1)?);
         let towards = [v[0], v[1]];
-        let Start { origin, direction, power, .. } = self.leave(prepared, plan, index, u, towards)?;
+        let PhotonStart { origin, direction, power, .. } = self.leave(prepared, plan, index, u, towards)?;
         let is_far = self.light_of(index) == NO_LIGHT;
-        let aim = plan.aim(origin).filter(|_| v[2] < Aim::SHARE);
+        let aim = plan.aim(origin).filter(|_| v[2] < AimCone::SHARE);
         let direction = match aim {
             _ if is_far => direction,
             Some(aim) => aim.sample(towards),
@@ -285,7 +285,7 @@ impl Emission {
         index: usize,
         u: Quad,
         towards: [f32; 2],
-    ) -> Option<Start> {
+    ) -> Option<PhotonStart> {
         let place = [u[2], u[3]];
         Some(match &self.sources[index] {
             EmissionSource::Near(number) => match &prepared.lights().lights[*number as usize] {
@@ -295,24 +295,29 @@ impl Emission {
                     let light = &prepared.scene().lights[*index as usize];
                     let LightKind::Point { position, intensity } = light.kind else { return None };
                     let direction = uniform_sphere(place);
-                    Start { origin: position, direction, power: 4.0 * PI * intensity, spread: Spread::Everywhere }
+                    PhotonStart {
+                        origin: position,
+                        direction,
+                        power: 4.0 * PI * intensity,
+                        spread: DirectionDensity::Everywhere,
+                    }
                 }
             },
             EmissionSource::Pictured(_, light, table) => {
                 let (place, density) = table.sample(place);
                 let (origin, direction, power) =
                     punctual::emitted(prepared.scene(), *light, place.into()).filter(|_| density > 0.0)?;
-                Start::as_drawn(origin, direction, power / density)
+                PhotonStart::as_drawn(origin, direction, power / density)
             }
             EmissionSource::Sun(sun) => {
                 let (wi, radiance, pdf, _) = sun.sample(towards);
                 let (origin, disc) = plan.on_disc((self.center, self.radius), -wi, u[1], place);
-                Start::as_drawn(origin, -wi, radiance * (disc / pdf))
+                PhotonStart::as_drawn(origin, -wi, radiance * (disc / pdf))
             }
             EmissionSource::Environment => {
                 let (wi, radiance, pdf) = self.far(prepared, towards)?;
                 let (origin, disc) = plan.on_disc((self.center, self.radius), -wi, u[1], place);
-                Start::as_drawn(origin, -wi, radiance * (disc / pdf))
+                PhotonStart::as_drawn(origin, -wi, radiance * (disc / pdf))
             }
             EmissionSource::Portal(portal) => self.through(prepared, portal, place, towards)?,
         })
@@ -324,7 +329,13 @@ impl Emission {
     }
 
     /// Samples a photon that enters through a portal; `None` if a surface behind the portal blocks it.
-    fn through(&self, prepared: &PreparedScene, portal: &Portal, [x, y]: [f32; 2], towards: [f32; 2]) -> Option<Start> {
+    fn through(
+        &self,
+        prepared: &PreparedScene,
+        portal: &Portal,
+        [x, y]: [f32; 2],
+        towards: [f32; 2],
+    ) -> Option<PhotonStart> {
         let outwards = portal.edges[0].cross(portal.edges[1]);
         let (wi, radiance, pdf) = self.far(prepared, towards)?;
         let projected = outwards.dot(wi);
@@ -333,7 +344,7 @@ impl Emission {
         }
         let origin = portal.corner + portal.edges[0] * x + portal.edges[1] * y;
         let hidden = prepared.accel().occluded(&Ray::new(origin, wi));
-        (!hidden).then(|| Start::as_drawn(origin, -wi, radiance * (projected / pdf)))
+        (!hidden).then(|| PhotonStart::as_drawn(origin, -wi, radiance * (projected / pdf)))
     }
 }
 

@@ -16,7 +16,7 @@ use super::distribution::{Bilinear, Cells};
 use super::portal::Portals;
 use crate::{
     color::luminance,
-    flat::{EnvironmentRecord, NONE, Record as _, TableRecord, Words, code, place_of},
+    flat::{EnvironmentRecord, NONE, Record as _, TableRecord, WordBuffer, code, place_of},
     sampler::Quad,
     sampling::uniform_sphere,
 };
@@ -200,7 +200,7 @@ impl EnvironmentLight {
     /// Writes the environment without its portals: kind of table (0: none, 1: uniform, 2: bilinear, 3: cells), mapping,
     /// factor, world from environment, integral, picture, table, scale and offset of its rows. Returns the offset in
     /// words.
-    pub(crate) fn write(&self, words: &mut Words) -> u32 {
+    pub(crate) fn write(&self, words: &mut WordBuffer) -> u32 {
         let (kind, table) = match &self.table {
             Table::None => (code::DENSITY_NONE, TableRecord::NONE),
             Table::Uniform => (code::DENSITY_UNIFORM, TableRecord::NONE),

@@ -7,12 +7,12 @@ use glam::{Mat3, Vec3};
 use super::{Light, Lights, sun::Sun};
 use crate::flat::{
     NONE, ParallelRecord, PictureLightRecord, PointLightRecord, Record as _, ShiningRecord, SphereLightRecord,
-    SpotLightRecord, Words, code, header, place_of,
+    SpotLightRecord, WordBuffer, code, header, place_of,
 };
 
 impl Lights {
     /// Writes all lights, except the lights' numbers of spheres and instances.
-    pub(crate) fn write(&self, scene: &Scene, words: &mut Words) {
+    pub(crate) fn write(&self, scene: &Scene, words: &mut WordBuffer) {
         words.head(header::HAS_FAR, u32::from(self.has_far()));
         self.tree.write(words);
         words.head(header::LIGHTS, words.place());
@@ -47,7 +47,7 @@ impl Lights {
 }
 
 /// Writes a light without extent.
-fn write_punctual(light: LightKind, words: &mut Words) {
+fn write_punctual(light: LightKind, words: &mut WordBuffer) {
     let point = |kind: u32, position: Vec3, intensity: Spectrum| PointLightRecord { kind, position, intensity };
     let no_spot = |point| SpotLightRecord { point, direction: Vec3::ZERO, cos_inner: 0.0, cos_outer: 0.0, falloff: 0 };
     match light {
@@ -84,7 +84,7 @@ fn write_picture_light(
     world_from_light: Mat3,
     picture: TextureMap,
     [half_height, aspect]: [f32; 2],
-    words: &mut Words,
+    words: &mut WordBuffer,
 ) {
     const PICTURE: u32 = place_of(PictureLightRecord::FIELDS, "picture");
     let place = words.record(&PictureLightRecord { point, world_from_light, picture: NONE, half_height, aspect });

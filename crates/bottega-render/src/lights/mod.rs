@@ -36,7 +36,7 @@ use glam::Vec3;
 use crate::{bsdf::warp::ONE_MINUS_EPSILON, sampler::Quad, surfaces::Surfaces};
 use bounds::LightBounds;
 pub(crate) use choice::{Choice, NUMBERS as CHOICE_NUMBERS, RequestedLight};
-pub(crate) use emission::{Aim, Emission, EmissionPlan, EmittedPhoton};
+pub(crate) use emission::{AimCone, Emission, EmissionPlan, EmittedPhoton};
 use environment::EnvironmentLight;
 pub(crate) use environment::direction_of_square;
 pub(crate) use far::FarLight;

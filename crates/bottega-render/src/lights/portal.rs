@@ -19,14 +19,14 @@ const FLOOR: f32 = 0.02;
 
 /// All portals of an environment.
 #[derive(Clone, Debug)]
-pub(super) struct Portals(Vec<Opening>);
+pub(super) struct Portals(Vec<PreparedPortal>);
 
 /// One portal, with the environment's radiance in all directions through its plane.
 ///
 /// Directions d are mapped to the unit square by the angles atan(d.x ∕ d.z) and atan(d.y ∕ d.z) in the portal's frame,
 /// whose x and y run along its edges: from every point, the portal is an axis-parallel rectangle of that square.
 #[derive(Clone, Debug)]
-struct Opening {
+struct PreparedPortal {
     corner: Vec3,
     /// Orthonormal columns: along both edges, and outwards.
     world_from_local: Mat3,
@@ -40,7 +40,7 @@ impl Portals {
     /// - `side`: shorter side of the environment's picture, in texels.
     /// - `radiance`: radiance from a direction in world space, filtered with a footprint as a fraction of the picture.
     pub(super) fn new(portals: &[Portal], side: usize, radiance: impl Fn(Vec3, f32) -> Spectrum) -> Self {
-        Self(portals.iter().map(|portal| Opening::new(portal, side.clamp(1, SIDE_MAX), &radiance)).collect())
+        Self(portals.iter().map(|portal| PreparedPortal::new(portal, side.clamp(1, SIDE_MAX), &radiance)).collect())
     }
 
     pub(super) fn memory_bytes(&self) -> usize {
@@ -81,7 +81,7 @@ impl Portals {
     }
 }
 
-impl Opening {
+impl PreparedPortal {
     fn new(portal: &Portal, side: usize, radiance: impl Fn(Vec3, f32) -> Spectrum) -> Self {
         let [x, y] = portal.edges.map(Vec3::normalize_or_zero);
         let mut opening = Self {

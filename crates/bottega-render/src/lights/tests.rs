@@ -338,7 +338,7 @@ fn requested(prepared: &PreparedScene, receiver: &Receiver, count: u32) -> Vec<R
 }
 
 #[test]
-fn a_choice_that_was_learnt_draws_as_often_as_stated_and_finds_what_is_seen() {
+fn a_learnt_choice_draws_by_its_probabilities_and_finds_visible_lights() {
     let mut scene = of_all_kinds(90);
     scene.environment = Some(Environment::uniform(Vec3::splat(0.1)));
     let prepared = prepare(scene);

@@ -14,7 +14,7 @@ use glam::{Vec3, Vec4};
 use super::{NO_LIGHT, Receiver, bounds::LightBounds};
 use crate::{
     bsdf::warp::ONE_MINUS_EPSILON,
-    flat::{TreeNodeRecord, Words, header},
+    flat::{TreeNodeRecord, WordBuffer, header},
 };
 
 /// Children per node: the lanes of a vector unit.
@@ -243,7 +243,7 @@ impl LightTree {
     /// Writes the nodes: centre, half-extents, axis (x of all children, y, z), radius, cos and sin of the spread, cos of
     /// the emission angle, two-sidedness, intensity, child, end. Each field has four words, the first three have three
     /// times four.
-    pub(super) fn write(&self, words: &mut Words) {
+    pub(super) fn write(&self, words: &mut WordBuffer) {
         words.head(header::TREE, words.place());
         words.head(header::LIGHT_COUNT, self.light_count);
         words.head(header::TREE_INTENSITY, self.intensity.to_bits());

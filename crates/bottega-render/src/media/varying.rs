@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn what_gets_through_is_what_beer_and_lambert_say() {
+    fn transmittance_follows_beer_and_lambert() {
         let medium = wedge();
         let variation = medium.variation.as_ref().unwrap();
         let majorants = Majorants::new(&medium, variation);

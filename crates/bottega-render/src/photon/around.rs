@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_read_about_a_direction_is_what_comes_from_there() {
+    fn light_read_by_direction_is_the_light_from_there() {
         let n = Vec3::Y;
         let around = CellsAround::new(&looks(n, |w| Vec3::splat(if w.x > 0.0 { 3.0 } else { 1.0 })));
         assert!((around.from(n, Vec3::new(0.8, 0.6, 0.0)) - 3.0).length() < 0.02);

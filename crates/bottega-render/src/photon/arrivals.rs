@@ -153,6 +153,8 @@ fn unevenness(light: &[f32; CELLS]) -> f32 {
 }
 
 impl Shares {
+    /// Creates the distribution.
+    ///
     /// - `light`: share of the light from each cell.
     fn new(light: &[f32; CELLS]) -> Self {
         let wanted = light.map(|light| BLIND / CELLS as f32 + (1.0 - BLIND) * light);

@@ -17,9 +17,9 @@ use super::{
     record::Photon,
 };
 use crate::color::luminance;
-use record::{EFFORT_MAX, Reach};
+use record::{EFFORT_MAX, RecordRegion};
 pub(crate) use record::{IrradianceRecord, Measurement, RAYS, direction};
-use surroundings::Speakers;
+use surroundings::StrongestRecords;
 pub(crate) use surroundings::Surroundings;
 
 /// Number of standard errors by which records may differ in addition to the tolerated error.
@@ -136,14 +136,14 @@ impl IrradianceCache {
     /// Returns the same as [`Self::estimate`], and the light by direction, from records that have directions.
     #[inline(always)]
     pub(crate) fn surroundings(&self, p: Vec3, n: Vec3, bounces: u32) -> Option<(Estimate, Surroundings<'_>)> {
-        let mut speakers = Speakers::default();
+        let mut strongest = StrongestRecords::default();
         let estimate = self.estimate_by(p, n, bounces, |record, weight| {
             if record.around.is_some() {
-                speakers.hear(record, weight);
+                strongest.insert(record, weight);
             }
             record.around.is_some()
         })?;
-        Some((estimate, speakers.finish(estimate.irradiance)))
+        Some((estimate, strongest.finish(estimate.irradiance)))
     }
 
     /// Interpolates between the records for which `counts` returns `true`, given each record and its weight.
@@ -281,7 +281,7 @@ impl IrradianceCache {
     }
 
     /// Inserts a record into the nodes that meet `reach`.
-    fn hold(&mut self, record: IrradianceRecord, reach: &Reach) {
+    fn hold(&mut self, record: IrradianceRecord, reach: &RecordRegion) {
         let number = self.records.len() as u32;
         self.brightness += luminance(record.irradiance);
         self.list_bytes += record.list_bytes();
@@ -290,7 +290,7 @@ impl IrradianceCache {
     }
 
     /// Inserts the index of a record into all nodes of about its size that it reaches.
-    fn insert(&mut self, node: usize, low: Vec3, side: f32, level: u32, record: (u32, &Reach)) {
+    fn insert(&mut self, node: usize, low: Vec3, side: f32, level: u32, record: (u32, &RecordRegion)) {
         let (number, reach) = record;
         if !reach.meets(low, side) {
             return;
@@ -404,7 +404,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_speaks_for_the_other_side_of_a_wall() {
+    fn no_record_counts_on_the_other_side_of_a_wall() {
         let dark = |_: Vec3, _: Vec3| GatherSample { radiance: Vec3::ZERO, distance: 5.0 };
         let mut cache = IrradianceCache::new(Vec3::splat(-10.0), 20.0, 0.3);
         // Inside a wall 0.4 wide, at its far side.
@@ -418,7 +418,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_speaks_for_another_room() {
+    fn no_record_counts_in_another_room() {
         // A wall without thickness stands on the floor at x = 0.4; everything else is far away.
         let room = |p: Vec3, w: Vec3| {
             let distance = (0.4 - p.x) / w.x;
@@ -467,7 +467,7 @@ mod tests {
     }
 
     #[test]
-    fn who_is_settled_says_what_it_said() {
+    fn settled_records_do_not_change() {
         let part = |i: u32, prime: u32| (i * prime % 401) as f32 / 401.0;
         let turned = |i: u32| Vec3::new(0.6 * part(i, 71) - 0.3, 1.0, 0.6 * part(i, 113) - 0.3).normalize();
         for tolerance in [0.3, 0.8, 1.0] {

@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn the_extent_is_that_of_what_is_seen() {
+    fn the_extent_is_that_of_visible_surfaces() {
         let alone = Extent::of_view(&room(None), VIEW);
         assert!(alone.is_whole() && alone == Extent::whole(&room(None)));
         assert_eq!(alone.length_at(Vec3::X * 99.0), alone.whole);
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn photons_of_a_sun_come_to_what_is_seen() {
+    fn photons_of_a_sun_reach_visible_surfaces() {
         let arrived = |half: f32| {
             let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 2.0, 6.0), 0.3)], ..Scene::default() };
             add(&mut scene, Mesh::quad(Vec3::new(-half, 0.0, half), Vec3::X * 2.0 * half, Vec3::NEG_Z * 2.0 * half));

@@ -81,6 +81,8 @@ impl PhotonMap {
         Some(Self::laid_out(nodes, &at, marks))
     }
 
+    /// Creates a map from a balanced tree.
+    ///
     /// - `at`: positions in the order of the photons' numbers; at least one.
     fn laid_out(nodes: Vec<PhotonPlane>, at: &[Vec3], marks: Vec<Mark>) -> Self {
         let leaves = at.len().div_ceil(BUCKET);
@@ -403,7 +405,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tree_finds_what_a_search_through_all_finds() {
+    fn a_tree_finds_the_same_as_an_exhaustive_search() {
         for count in [0, 1, 15, 16, 17, 31, 33, 48, 49, 80, 100, 1000, 4099] {
             let all = photons(count);
             let map = PhotonMap::new(all.clone());
@@ -458,7 +460,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_nowhere_is_left_out() {
+    fn photons_without_a_position_are_left_out() {
         let nowhere = Photon::new(Vec3::new(f32::NAN, 0.0, 0.0), Vec3::Y, Vec3::Y, Vec3::ONE);
         assert_eq!(PhotonMap::new(vec![nowhere; 20]).len(), 0);
         let mut found = Nearest::new(0);

@@ -14,7 +14,7 @@ use super::{
     plan::PhotonPlan,
     projection::SHARE,
     record::Photon,
-    trace::{TracedPhotons, Tracer, Tracing, is_alike, visibility_tag},
+    trace::{TraceRange, TracedPhotons, Tracer, is_alike, visibility_tag},
 };
 use crate::{extent::Extent, prepare::PreparedScene, settings::PhotonSettings};
 
@@ -63,6 +63,8 @@ enum SearchRadius {
 }
 
 impl SearchRadius {
+    /// Creates a search radius.
+    ///
     /// - `value`: the length if `settings` give the radius in scene units, else the share.
     fn new(settings: &PhotonSettings, value: f32) -> Self {
         let is_length = settings.progressive && settings.first_radius.is_some();
@@ -137,7 +139,7 @@ pub(crate) fn photon_counts(prepared: &PreparedScene, plan: &PhotonPlan, setting
 pub(crate) fn traced(tracer: Tracer<'_>, count: u32) -> TracedPhotons {
     let batch = |number: u32| {
         let first = number * BATCH;
-        compiled::run(Tracing { tracer, indices: first..count.min(first.saturating_add(BATCH)) })
+        compiled::run(TraceRange { tracer, indices: first..count.min(first.saturating_add(BATCH)) })
     };
     let parts: Vec<TracedPhotons> = (0..count.div_ceil(BATCH)).into_par_iter().map(batch).collect();
     parts.into_iter().fold(TracedPhotons::default(), |mut all, part| {

@@ -131,7 +131,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_numbers_are_met_and_stand_for_what_they_should() {
+    fn all_numbers_occur_and_have_their_weight() {
         // One corner of the directions has half of the probability.
         let count: usize = CELLS.iter().product();
         let mut cells = vec![0.5 / (count - 1) as f32; count];

@@ -18,11 +18,11 @@ use crate::{
 const PICTURES_MAX: usize = 2;
 
 /// Key of a picture's maps, in addition to the visible extent: settings, seed and number of passes.
-type Of = (PhotonSettings, u64, u32);
+type MapsKey = (PhotonSettings, u64, u32);
 
 /// The maps of all passes of a picture, each built by the first thread that needs it, while others wait.
 pub(crate) struct Passes {
-    of: Of,
+    key: MapsKey,
     plan: Arc<PhotonPlan>,
     maps: Vec<OnceLock<PhotonMaps>>,
     caches: Mutex<Vec<(View, CachePlace)>>,
@@ -66,7 +66,7 @@ impl PhotonStore {
         seed: u64,
         pass_count: u32,
     ) -> Arc<Passes> {
-        let of = (settings, seed, pass_count);
+        let key = (settings, seed, pass_count);
         let mut pictures = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let is_alike = |other: &PhotonPlan| {
             // Lookouts and the agents of the camera depend on the view
@@ -74,7 +74,7 @@ impl PhotonStore {
             let depends = has_lookouts || settings.agents.is_some_and(|agents| agents.has_scouts());
             other.extent() == plan.extent() && (!depends || other.view == plan.view)
         };
-        let is_it = |passes: &&Arc<Passes>| passes.of == of && is_alike(&passes.plan);
+        let is_it = |passes: &&Arc<Passes>| passes.key == key && is_alike(&passes.plan);
         if let Some(passes) = pictures.iter().find(is_it) {
             return Arc::clone(passes);
         }
@@ -82,7 +82,7 @@ impl PhotonStore {
             pictures.remove(0);
         }
         let passes = Arc::new(Passes {
-            of,
+            key,
             plan,
             maps: (0..pass_count.max(1)).map(|_| OnceLock::new()).collect(),
             caches: Mutex::default(),
@@ -122,7 +122,7 @@ impl Passes {
     /// Returns the bytes of maps and agents for other machines; `None`: not built yet, or a progressive picture, which
     /// has too many.
     pub(crate) fn to_bytes(&self) -> Option<Vec<u8>> {
-        let (settings, ..) = &self.of;
+        let (settings, ..) = &self.key;
         let maps = self.maps.first()?.get().filter(|_| !settings.progressive)?;
         let mut to = Writer::default();
         maps.write(&mut to);
@@ -135,7 +135,7 @@ impl Passes {
     /// Takes over maps and agents from another machine; those already built are kept. Returns `false` if the bytes are
     /// invalid.
     pub(crate) fn take_bytes(&self, bytes: &[u8]) -> bool {
-        let (settings, ..) = &self.of;
+        let (settings, ..) = &self.key;
         let mut from = Reader(bytes);
         let mut read = || {
             let maps = PhotonMaps::read(settings, *self.plan.extent(), &mut from)?;
@@ -159,7 +159,7 @@ impl Passes {
     /// Returns the maps of the pass that a sample belongs to; builds them first if needed.
     pub(crate) fn of_sample(&self, prepared: &PreparedScene, sample: u32) -> &PhotonMaps {
         let pass = sample % self.maps.len() as u32;
-        let (settings, seed, _) = &self.of;
+        let (settings, seed, _) = &self.key;
         self.maps[pass as usize]
             .get_or_init(|| prepared.on_threads(|| PhotonMaps::new(prepared, &self.plan, settings, *seed, pass)))
     }

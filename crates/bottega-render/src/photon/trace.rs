@@ -15,7 +15,7 @@ use crate::{
     bsdf::{BsdfAt, BsdfSample, LobeFlags, TransportMode},
     camera::RayCone,
     interaction::{Interaction, opacity_of},
-    lights::{Aim, Emission, EmissionPlan, EmittedPhoton},
+    lights::{AimCone, Emission, EmissionPlan, EmittedPhoton},
     prepare::PreparedScene,
     sampler::{DimensionSet, PixelSampler, Quad},
     segment::SegmentRays,
@@ -94,14 +94,14 @@ impl ByteForm for TracedPhotons {
 }
 
 /// A range of photons to trace.
-pub(crate) struct Tracing<'a> {
+pub(crate) struct TraceRange<'a> {
     /// Tracer of the pass.
     pub(crate) tracer: Tracer<'a>,
     /// Indices of the photons.
     pub(crate) indices: Range<u32>,
 }
 
-impl Task for Tracing<'_> {
+impl Task for TraceRange<'_> {
     type Output = TracedPhotons;
 
     #[inline(always)]
@@ -246,14 +246,14 @@ impl Tracer<'_> {
 /// the photons are aimed there, with accordingly less power.
 fn scattered(
     bsdf: &BsdfAt<'_>,
-    aim: Option<Aim>,
+    aim: Option<AimCone>,
     point: &Interaction,
     u: Quad,
     sampler: &PixelSampler,
     depth: u32,
 ) -> Option<(BsdfSample, bool)> {
     let Some(aim) = aim else { return Some((bsdf.sample(u[0], [u[1], u[2]])?, false)) };
-    let is_aimed = sampler.hashed(AIMING ^ u64::from(depth) << 56) < Aim::SHARE;
+    let is_aimed = sampler.hashed(AIMING ^ u64::from(depth) << 56) < AimCone::SHARE;
     if !is_aimed {
         let sample = bsdf.sample(u[0], [u[1], u[2]])?;
         let is_within = !sample.is_delta() && aim.contains(point.to_world(sample.wi));

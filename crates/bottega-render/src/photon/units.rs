@@ -10,7 +10,7 @@ use super::{
     irradiance::IrradianceAt,
     map::PhotonMap,
     maps::{caustic_tracer, tracer},
-    trace::{TracedPhotons, Tracing},
+    trace::{TraceRange, TracedPhotons},
 };
 use crate::{
     prepare::PreparedScene,
@@ -60,7 +60,7 @@ impl PhotonWork {
         } else {
             tracer(&scene, &plan, &settings, seed, 0)
         };
-        compiled::run(Tracing { tracer, indices })
+        compiled::run(TraceRange { tracer, indices })
     }
 }
 

@@ -7,7 +7,7 @@ use glam::Vec3;
 use crate::{
     color::luminance,
     error::RenderError,
-    integrator::{Painting, PathIntegrator, PathRecord, Wanted},
+    integrator::{PathIntegrator, PathRecord, SampleBatch, Wanted},
     prepare::PreparedScene,
     settings::{PathSettings, View},
 };
@@ -62,8 +62,8 @@ pub(crate) fn probe(
         let row = Rect { y0: y, y1: y + 1, ..rect };
         let samples: Vec<(u32, u32, u32)> =
             row.pixels().flat_map(|(x, y)| (0..sample_count).map(move |sample| (x, y, sample))).collect();
-        let painting = Painting { integrator: &integrator, samples: &samples, records: &mut records, groups: None };
-        compiled::run(painting);
+        let batch = SampleBatch { integrator: &integrator, samples: &samples, records: &mut records, groups: None };
+        compiled::run(batch);
         pixels.extend(records.chunks_exact(sample_count as usize).map(seen_by));
     }
     Ok(pixels)

@@ -112,7 +112,7 @@ fn dispersion_costs_nothing() {
 }
 
 #[test]
-fn stretched_metal_gives_back_about_what_it_loses() {
+fn stretched_metal_returns_about_the_energy_it_loses() {
     // The tables hold for facets that are as rough along both axes.
     check_white(&SurfaceParams { metallic: 1.0, anisotropy: 0.4, ..WHITE }, 0.06);
 }

@@ -322,7 +322,7 @@ fn transmission_differs_by_the_square_of_the_index() {
 }
 
 #[test]
-fn samples_weigh_what_their_value_and_density_say() {
+fn samples_have_the_weight_of_their_value_and_density() {
     let mut uniform = Uniform::new(23);
     for kind in KINDS.iter().chain(WALKS).chain(FIBRES) {
         for _ in 0..2000 {

@@ -127,7 +127,7 @@ fn nearly_smooth_surfaces_look_like_smooth_ones() {
 }
 
 #[test]
-fn a_sample_tells_what_it_is() {
+fn a_sample_names_its_lobe() {
     let mut seen = LobeFlags::default();
     let params = SurfaceParams { transmission: 0.5, roughness: 0.5, coat: 1.0, ..GLASS };
     let bsdf = Bsdf::new(&params);

@@ -195,7 +195,7 @@ fn luminance(color: [f32; 3]) -> f64 {
 }
 
 #[test]
-fn pictures_that_differ_are_told_apart_and_kept() {
+fn different_pictures_are_recognized_and_kept() {
     let gray = |value: f32| {
         let noisy =
             |seed: u32| Picture::from_fn(8, 8, |x, y| [value + (x * 7 + y * 13 + seed * 5) as f32 % 11.0 * 1e-4; 3]);

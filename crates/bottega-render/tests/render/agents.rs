@@ -145,7 +145,7 @@ fn plain_around_a_corner() -> &'static Tile {
 
 /// Counted work instead of time, so the result is the same on every machine.
 #[test]
-fn a_picture_goes_by_what_was_learnt_where_that_pays_and_nowhere_else() {
+fn a_picture_uses_the_guide_only_where_it_pays() {
     let of = |agents, seed| PathSettings { guiding: agents == ALL, ..settings(agents, seed, 32) };
     let calm = prepare(cornell());
     let part = Rect::new(20, 20, 84, 84);
@@ -190,12 +190,12 @@ fn the_same_bits_however_the_work_is_cut_and_whoever_learnt() {
 }
 
 /// The result of each part of each stage.
-type Found = (Mutex<BTreeMap<(u32, u32), Vec<u8>>>, Condvar);
+type StageResults = (Mutex<BTreeMap<(u32, u32), Vec<u8>>>, Condvar);
 
 /// One of two machines; each does every other part. The second one's answer for its first part is truncated.
-struct OneOfTwo<'a>(u32, &'a Found);
+struct AlternatingMachine<'a>(u32, &'a StageResults);
 
-impl Sharing for OneOfTwo<'_> {
+impl Sharing for AlternatingMachine<'_> {
     fn share(
         &self,
         stage: u32,
@@ -216,9 +216,9 @@ impl Sharing for OneOfTwo<'_> {
 }
 
 /// A machine that leaves: its sharing ends with [`RenderError::Left`].
-struct Leaving;
+struct LeavingMachine;
 
-impl Sharing for Leaving {
+impl Sharing for LeavingMachine {
     fn share(
         &self,
         _: u32,
@@ -230,7 +230,7 @@ impl Sharing for Leaving {
 }
 
 #[test]
-fn those_who_learn_together_learn_what_one_learns_alone() {
+fn machines_that_learn_together_learn_the_same_as_one_alone() {
     let by = |threads| {
         let options = PrepareOptions { threads, compensate_environment: true };
         Subject::new(PreparedScene::new(Arc::new(around_a_corner()), &options).expect("a sound scene"))
@@ -241,12 +241,12 @@ fn those_who_learn_together_learn_what_one_learns_alone() {
     let alone = by(2);
     paint(&alone, &settings, Rect::of_size(4, 4), &[0, 1]);
     let machines = [by(1), by(2)];
-    let found = Found::default();
+    let found = StageResults::default();
     thread::scope(|scope| {
         for (number, machine) in (0..).zip(&machines) {
             let found = &found;
             scope.spawn(move || {
-                let others = OneOfTwo(number, found);
+                let others = AlternatingMachine(number, found);
                 learn_together(&machine.scene, &machine.prepass, VIEW, &settings, &others).expect("a guide");
             });
         }
@@ -258,13 +258,13 @@ fn those_who_learn_together_learn_what_one_learns_alone() {
     }
     // A machine that leaves has learnt nothing; a machine that has learnt everything does not ask.
     let late = by(1);
-    let leave = |it: &Subject| learn_together(&it.scene, &it.prepass, VIEW, &settings, &Leaving);
+    let leave = |it: &Subject| learn_together(&it.scene, &it.prepass, VIEW, &settings, &LeavingMachine);
     assert!(matches!(leave(&late), Err(RenderError::Left)) && learnt(&late).is_none());
     assert!(leave(&alone).is_ok());
 }
 
 #[test]
-fn what_is_sent_damaged_is_refused_or_harmless() {
+fn damaged_answers_are_refused_or_harmless() {
     let scene = prepare(lamps([5, 5]));
     let settings = settings(ALL, 3, 32);
     whole(&scene, &settings, 1);

@@ -101,7 +101,7 @@ fn a_point_light_gives_intensity_over_squared_distance() {
 }
 
 #[test]
-fn each_ray_asks_each_side_of_a_half_transparent_ball_anew() {
+fn each_ray_tests_each_side_of_a_half_transparent_ball_again() {
     let mut scene = floor();
     let veil = Material { alpha_mode: AlphaMode::Blend, opacity: 0.4.into(), ..matte(Vec3::ZERO) };
     add_sphere(&mut scene, Vec3::new(0.0, 2.0, 0.0), 0.5, veil);

@@ -10,7 +10,7 @@ use glam::{Vec2, Vec3};
 
 use crate::render::{
     media::smoke,
-    motion::commotion,
+    motion::moving_scene,
     photon_scenes::{by_photons, few, many_things},
     scenes::{Subject, add_quad, add_sphere, camera, cornell, matte, prepare},
 };
@@ -67,7 +67,7 @@ fn direct_and_indirect_light_sum_to_the_picture() {
     let subjects = [
         ("veil", veiled(), PathSettings::default()),
         ("smoke", smoky(), PathSettings::default()),
-        ("motion", commotion(), PathSettings::default()),
+        ("motion", moving_scene(), PathSettings::default()),
         ("photons", many_things(), by_photons(few(), 1, 8)),
         ("progressive", many_things(), by_photons(progressive, 1, 8)),
         ("clamped", cornell(), PathSettings { sample_max: 0.5, ..PathSettings::default() }),
@@ -93,7 +93,7 @@ fn direct_and_indirect_light_sum_to_the_picture() {
 #[test]
 fn direct_light_is_the_picture_of_paths_that_scatter_once() {
     let settings = PathSettings { max_depth: 5, ..PathSettings::default() };
-    for (name, scene) in [("veil", veiled()), ("motion", commotion())] {
+    for (name, scene) in [("veil", veiled()), ("motion", moving_scene())] {
         let scene = prepare(scene);
         let tile = paint(&scene, (16, 12), 8, settings, &[Aov::Direct]);
         let once = paint(&scene, (16, 12), 8, PathSettings { max_depth: 1, ..settings }, &[]);
@@ -211,7 +211,7 @@ fn the_first_surface_is_that_of_the_alpha_whatever_follows_the_path() {
     // Moving things, media and photons
     let clear = many_things();
     for (name, scene, settings) in [
-        ("motion", commotion(), PathSettings::default()),
+        ("motion", moving_scene(), PathSettings::default()),
         ("photons", clear, by_photons(few(), 1, 4)),
         ("veil", Scene { environment: Some(Environment::uniform(Vec3::ONE)), ..veiled() }, PathSettings::default()),
     ] {

@@ -84,7 +84,7 @@ fn agents_spare_shadow_rays_and_show_nearly_the_light_of_paths() {
 
 /// A lamp in the ceiling does not illuminate the ceiling directly, so only agents cast on from illuminated places get there.
 #[test]
-fn scouts_look_at_what_no_light_shines_at() {
+fn scouts_look_at_unlit_places() {
     let mut scene = cornell();
     scene.cameras[0] = camera(Vec3::new(0.0, -0.6, 0.0), Vec3::Y, 1.2);
     let scene = prepare(scene);
@@ -126,7 +126,7 @@ fn a_wide_light_comes_back_whole_from_surfaces_that_are_known() {
 }
 
 #[test]
-fn what_is_unlit_shines_once_on_surfaces_that_are_known() {
+fn unlit_surfaces_shine_once_on_surfaces_with_records() {
     // The dim parts of the sky are left to rays that hit them, and these also reach unlit places.
     let options = PrepareOptions { threads: 1, compensate_environment: true };
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 4.0, 0.1), Vec3::ZERO, 0.9)], ..Scene::default() };
@@ -146,7 +146,7 @@ fn what_is_unlit_shines_once_on_surfaces_that_are_known() {
 }
 
 #[test]
-fn glossy_surfaces_are_told_where_light_comes_from() {
+fn glossy_surfaces_sample_the_directions_of_incident_light() {
     let scene = prepare(glossy_room());
     let expected = paint(&scene, SIZE, 2048, PathSettings { seed: 9, guiding: false, ..PathSettings::default() });
     let by_asking = |decides_radiance: bool| {
@@ -166,7 +166,7 @@ fn glossy_surfaces_are_told_where_light_comes_from() {
 }
 
 #[test]
-fn agents_decide_only_what_is_left_to_them() {
+fn agents_decide_only_what_the_settings_allow() {
     let scene = prepare(room_with_sphere());
     for (oracle, most) in [(Oracle::Paper, 6), (Oracle::Error, 2)] {
         let nothing = AgentSettings { decides_shadows: false, decides_irradiance: false, ..few(oracle) };
@@ -220,10 +220,10 @@ fn the_less_error_is_borne_the_more_is_measured() {
 
 #[test]
 fn neither_threads_nor_cuts_nor_the_allocator_change_a_bit() {
-    ORACLES.into_iter().for_each(does_not_depend_on_who_works);
+    ORACLES.into_iter().for_each(does_not_depend_on_the_resource);
 }
 
-fn does_not_depend_on_who_works(oracle: Oracle) {
+fn does_not_depend_on_the_resource(oracle: Oracle) {
     let mut room = glossy_room();
     let kind = LightKind::Point { position: Vec3::new(-0.5, 0.5, 0.5), intensity: Vec3::splat(0.3) };
     room.lights.push(Light::new("", kind));

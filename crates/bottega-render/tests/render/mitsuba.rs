@@ -100,12 +100,12 @@ fn thin_panes_are_boundaries_of_media() {
 }
 
 #[test]
-fn solids_without_media_keep_what_is_around_them() {
+fn solids_without_media_keep_the_medium_around_them() {
     let around = cube(1.2, &format!("{NULL}{}", fog(1.0))) + &ball(0.7, "<bsdf type='dielectric'/>");
     let lit = scene("volpath", 16, &format!("{CEILING_LAMP}{around}"));
     check("glass in fog", &lit, [0.0788, 0.0597, 0.0406], 0.03);
     let lit = scene("path", 16, &format!("{CEILING_LAMP}{around}"));
-    assert!(read(&lit).warnings.iter().any(|warning| warning.message.contains("knows no media")));
+    assert!(read(&lit).warnings.iter().any(|warning| warning.message.contains("does not support media")));
     check("the same without media", &lit, [0.0611, 0.0454, 0.0320], 0.03);
 }
 
@@ -143,7 +143,7 @@ fn photons_go_through_panes_too() {
 }
 
 #[test]
-fn what_varies_in_space_ends_at_the_box_of_its_volume() {
+fn media_on_grids_end_at_the_box_of_their_volume() {
     let medium = |place: &str| {
         cube(
             0.9,
@@ -213,7 +213,7 @@ fn photons_are_seen_between_clip_planes() {
 
 #[test]
 fn hair_is_as_bright_as_mitsubas() {
-    // 80 strands around a centre, below a sky that the camera does not see; 2,000 samples a pixel.
+    // 80 strands around a centre, below a sky that the camera does not see; 2,000 samples per pixel.
     let scene = |bsdf: &str| {
         format!(
             "<scene version='3.0.0'><integrator type='path'><integer name='max_depth' value='64'/>

@@ -101,7 +101,7 @@ fn moving_vertices_and_cameras_blur_alike() {
 }
 
 #[test]
-fn a_moving_ball_covers_what_its_disc_passes() {
+fn a_moving_ball_covers_the_pixels_its_disc_passes() {
     let mut scene = Scene { shutter: Shutter { open: 0.0, close: 1.0, ramp: 0.0 }, ..Scene::default() };
     scene.cameras = vec![parallel(8.0)];
     add_sphere(&mut scene, Vec3::ZERO, 0.5, lamp(Vec3::ONE));
@@ -154,7 +154,7 @@ fn a_light_that_moves_lights_by_its_mean() {
 }
 
 /// A scene in which everything moves that can: turning and growing boxes, waving vertices, a ball, lamps and the camera.
-pub(crate) fn commotion() -> Scene {
+pub(crate) fn moving_scene() -> Scene {
     let span = Shutter { open: 0.0, close: 1.0, ramp: 0.0 };
     let mut scene = Scene {
         cameras: vec![camera(Vec3::new(0.0, 2.0, 5.0), Vec3::Y * 0.4, 0.7)],
@@ -226,7 +226,7 @@ fn a_moving_scene_is_the_mean_of_its_stills() {
     for still in 0..STILLS {
         let time = (f64::from(still) + 0.5) / f64::from(STILLS);
         let shutter = Shutter { open: time, close: time, ramp: 0.0 };
-        let prepared = prepare(Scene { shutter, ..commotion() });
+        let prepared = prepare(Scene { shutter, ..moving_scene() });
         assert!(!prepared.scene.moves());
         let settings = PathSettings { seed: still.into(), ..settings };
         let tile = paint(&prepared, SIZE, 64, settings);
@@ -234,7 +234,7 @@ fn a_moving_scene_is_the_mean_of_its_stills() {
             *sum += color(&tile, x, y) / STILLS as f32;
         }
     }
-    let prepared = prepare(commotion());
+    let prepared = prepare(moving_scene());
     assert!(prepared.scene.moves());
     let tile = paint(&prepared, SIZE, 64 * STILLS, settings);
     let (mut total, mut worst) = ([0.0; 2], 0.0f32);
@@ -248,8 +248,8 @@ fn a_moving_scene_is_the_mean_of_its_stills() {
 }
 
 #[test]
-fn who_knows_no_time_says_so() {
-    let Subject { scene: prepared, .. } = prepare(commotion());
+fn techniques_without_motion_refuse_it() {
+    let Subject { scene: prepared, .. } = prepare(moving_scene());
     assert!(matches!(FlatScene::new(&prepared), Err(missing) if missing.contains(&NotFlat::Motion)));
     let view = View { camera: 0, width: 8, height: 8 };
     let settings = PathSettings { photons: Some(PhotonSettings::default()), ..PathSettings::default() };
@@ -261,7 +261,7 @@ fn who_knows_no_time_says_so() {
 #[test]
 fn keys_that_cannot_be_followed_are_refused() {
     let prepared = |change: fn(&mut Scene)| {
-        let mut scene = commotion();
+        let mut scene = moving_scene();
         change(&mut scene);
         PreparedScene::new(scene.into(), &PrepareOptions::default()).map(drop)
     };

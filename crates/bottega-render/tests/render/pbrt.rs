@@ -148,7 +148,7 @@ fn curves_cast_their_shadows() {
 }
 
 #[test]
-fn samples_are_no_brighter_than_the_film_allows() {
+fn samples_are_limited_by_the_film() {
     let square = SQUARE.replace("Shape", "Material \"diffuse\" \"rgb reflectance\" [.8 .4 .2] Shape");
     let clamped = |film: &str| front(&format!("{film} \"float maxcomponentvalue\" .2"), 4, &square);
     let expected = Vec3::new(0.2, 0.1, 0.05);
@@ -197,7 +197,7 @@ fn under(lamp: &str) -> String {
 }
 
 #[test]
-fn lamps_that_are_nowhere_shine_all_the_same() {
+fn absent_lamps_shine_as_present_ones() {
     let right = Vec3::new(0.0676, 0.0572, 0.0552);
     let disk = "Shape \"disk\" \"float radius\" 1";
     let cut = under(&format!("{disk} \"float alpha\" 0"));
@@ -219,7 +219,7 @@ fn lamps_that_are_nowhere_shine_all_the_same() {
 }
 
 #[test]
-fn lamps_of_all_shapes_may_be_nowhere() {
+fn lamps_of_all_shapes_may_be_absent() {
     let shapes = [
         "Shape \"sphere\" \"float radius\" .5",
         "Shape \"bilinearmesh\" \"point3 P\" [-1 -1 0 1 -1 0 -1 1 0 1 1 0]",
@@ -234,7 +234,7 @@ fn lamps_of_all_shapes_may_be_nowhere() {
 }
 
 #[test]
-fn lamps_that_are_nowhere_are_neither_seen_nor_in_the_way() {
+fn absent_lamps_are_invisible_and_occlude_nothing() {
     let light = "AttributeBegin AreaLightSource \"diffuse\" \"rgb L\" [9 9 9] Translate 0 0 1 Shape \"disk\" \"float radius\" .7 \"float alpha\" 0 AttributeEnd";
     // The light emits towards the camera, away from the square, which is seen through it.
     let found = mean(&front("\"rgb\"", 8, &format!("{light} {SQUARE}")), true, 64, None);

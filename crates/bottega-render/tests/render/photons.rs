@@ -42,7 +42,7 @@ fn gathered_light_is_that_of_paths() {
 }
 
 #[test]
-fn what_glass_reflects_is_in_every_sample() {
+fn reflections_of_glass_are_in_every_sample() {
     // A ball in the dark, lit by a lamp behind the camera: some 8 % of the light comes back from the ball's front and back.
     let mut scene = Scene { cameras: vec![camera(Vec3::Z * 3.0, Vec3::ZERO, 0.1)], ..Scene::default() };
     add_sphere(&mut scene, Vec3::ZERO, 0.5, glass());
@@ -274,7 +274,7 @@ fn the_size_of_a_scene_does_not_matter() {
 }
 
 #[test]
-fn shadow_photons_decide_what_is_lit_and_change_little() {
+fn shadow_photons_decide_visibility_and_change_little() {
     let scene = prepare(cornell());
     let with = |shadow_photons| {
         let photons = PhotonSettings { shadow_photons, final_rays: 0, count: 100_000, ..few() };
@@ -339,7 +339,7 @@ fn media_are_refused() {
 }
 
 #[test]
-fn photons_that_are_sent_to_glass_bring_what_others_bring_by_chance() {
+fn photons_sent_to_glass_bring_as_much_as_others_by_chance() {
     /// Photons cast by chance per photon sent to glass.
     const SHARE: u32 = 4;
     let mut small = cornell();
@@ -431,7 +431,7 @@ fn a_small_thing_in_a_wide_world_is_as_bright_as_paths_find_it() {
 }
 
 #[test]
-fn what_stands_on_a_large_triangle_shadows_it_as_on_a_small_one() {
+fn contact_shadows_are_equal_on_large_and_small_triangles() {
     let [small, large] = [50.0, 5000.0].map(|half| {
         let path = PathSettings { seed: 4, guiding: false, ..PathSettings::default() };
         paint(&prepare(ball_on_a_plain(half)), SIZE, 512, path)

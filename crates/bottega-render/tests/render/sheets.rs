@@ -47,7 +47,7 @@ fn check_sheet(what: &str, bsdf: &str, before: [f32; 3], behind: [f32; 3]) {
 }
 
 #[test]
-fn what_is_nothing_in_part_lets_light_through_in_part() {
+fn partly_transparent_sheets_transmit_in_part() {
     let plain = blend(0.6, NULL, RED);
     check_sheet("first", &plain, [0.88, 0.52, 0.46], [0.4; 3]);
     check_sheet("second", &blend(0.6, RED, NULL), [0.92, 0.68, 0.64], [0.6; 3]);
@@ -135,7 +135,7 @@ fn masks_do_not_dim_lamps() {
 }
 
 #[test]
-fn lamps_under_masks_light_what_is_before_them() {
+fn lamps_under_masks_light_surfaces_before_them() {
     let lit = |bsdf: &str| {
         let lamp = format!(
             "<shape type='rectangle'><transform name='to_world'><translate z='1'/></transform>{bsdf}

@@ -138,7 +138,7 @@ fn hall(is_open: bool) -> Scene {
 }
 
 #[test]
-fn a_portal_lets_in_what_a_window_does() {
+fn a_portal_lets_in_as_much_as_a_window() {
     assert_strategies_agree("portal", hall(false));
     let portal = paint_by(&prepare(hall(false)), DirectLight::Combined, 1, 5);
     let window = paint_by(&prepare(hall(true)), DirectLight::Combined, 1, 6);

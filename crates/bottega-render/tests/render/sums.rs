@@ -26,7 +26,7 @@ fn mirror(reflectance: f32) -> Surface {
 }
 
 #[test]
-fn a_sum_reflects_what_both_surfaces_do() {
+fn a_sum_reflects_as_both_surfaces_together() {
     let matte = |albedo: f32| Surface::matte(Vec3::new(albedo, 0.5 * albedo, 0.0));
     let sum = below_white_sky(Surface::sum([matte(0.3), matte(0.4)]));
     assert!((sum - Vec3::new(0.7, 0.35, 0.0)).abs().max_element() < 0.01, "{sum}");

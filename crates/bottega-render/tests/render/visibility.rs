@@ -104,7 +104,7 @@ fn lobes_find_the_lamps_that_are_there_for_them() {
 }
 
 #[test]
-fn a_mirror_does_not_show_what_is_not_there_for_glossy_rays() {
+fn a_mirror_does_not_show_objects_hidden_from_glossy_rays() {
     let facets = Facets::default();
     let mirror = Conductor { eta: Vec3::ZERO.into(), k: Vec3::ZERO.into(), reflectance: Vec3::ONE.into(), facets };
     let shown = |visibility: Visibility| {

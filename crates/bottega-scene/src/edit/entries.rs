@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use glam::Mat3;
 
-use super::{EditError, EditedLight, EditedLightKind, EditedSphere, EntryKind, Placing, SceneEditor};
+use super::{EditError, EditedLight, EditedLightKind, EditedSphere, EntryKind, PutMode, SceneEditor};
 use crate::camera::Camera;
 use crate::keys::check_transform_keys;
 use crate::light::Environment;
@@ -21,8 +21,8 @@ impl SceneEditor {
     ///
     /// # Errors
     /// A value is out of range, or an image or medium does not exist.
-    pub fn put_material(&mut self, key: &str, material: Material, placing: Placing) -> Result<(), EditError> {
-        self.materials.check(key, placing)?;
+    pub fn put_material(&mut self, key: &str, material: Material, mode: PutMode) -> Result<(), EditError> {
+        self.materials.check(key, mode)?;
         let checked = self.base.check_parameters(&material);
         checked.map_err(|problem| EditError::value(EntryKind::Material, key, &problem))?;
         self.materials.put(key, material);
@@ -41,8 +41,8 @@ impl SceneEditor {
     ///
     /// # Errors
     /// A value is out of range.
-    pub fn put_medium(&mut self, key: &str, medium: Medium, placing: Placing) -> Result<(), EditError> {
-        self.media.check(key, placing)?;
+    pub fn put_medium(&mut self, key: &str, medium: Medium, mode: PutMode) -> Result<(), EditError> {
+        self.media.check(key, mode)?;
         crate::validate::check_medium(&medium).map_err(|problem| EditError::value(EntryKind::Medium, key, &problem))?;
         let medium = Medium { name: key.to_owned(), ..medium };
         match self.media.find(key) {
@@ -60,12 +60,12 @@ impl SceneEditor {
         Ok(&self.base.media[self.media.get(key)?.0 as usize])
     }
 
-    /// Adds or replaces a light. A hidden one stays hidden.
+    /// Adds or replaces a light. A hidden light stays hidden.
     ///
     /// # Errors
     /// A value is out of range, or an image does not exist.
-    pub fn put_light(&mut self, key: &str, light: impl Into<EditedLight>, placing: Placing) -> Result<(), EditError> {
-        self.lights.check(key, placing)?;
+    pub fn put_light(&mut self, key: &str, light: impl Into<EditedLight>, mode: PutMode) -> Result<(), EditError> {
+        self.lights.check(key, mode)?;
         let light = light.into();
         let checked = match &light.kind {
             EditedLightKind::Plain(kind) => self.base.check_light(kind).map_err(|problem| problem.0),
@@ -91,8 +91,8 @@ impl SceneEditor {
     ///
     /// # Errors
     /// A value is out of range, its matrix scales, or its medium does not exist.
-    pub fn put_camera(&mut self, key: &str, camera: Camera, placing: Placing) -> Result<(), EditError> {
-        self.cameras.check(key, placing)?;
+    pub fn put_camera(&mut self, key: &str, camera: Camera, mode: PutMode) -> Result<(), EditError> {
+        self.cameras.check(key, mode)?;
         self.check_camera(key, &camera)?;
         self.cameras.put(key, camera);
         Ok(())
@@ -127,14 +127,8 @@ impl SceneEditor {
     ///
     /// # Errors
     /// A value is out of range, or the material does not exist.
-    pub fn put_sphere(
-        &mut self,
-        key: &str,
-        sphere: Sphere,
-        material: String,
-        placing: Placing,
-    ) -> Result<(), EditError> {
-        self.spheres.check(key, placing)?;
+    pub fn put_sphere(&mut self, key: &str, sphere: Sphere, material: String, mode: PutMode) -> Result<(), EditError> {
+        self.spheres.check(key, mode)?;
         crate::validate::check_sphere(&sphere).map_err(|problem| EditError::value(EntryKind::Sphere, key, &problem))?;
         self.materials.get(&material)?;
         let hidden = self.spheres.find(key).is_some_and(|before| before.hidden);

@@ -14,9 +14,9 @@ pub(super) struct KeyedList<T> {
     next: u64,
 }
 
-/// Whether a key may exist already.
+/// The treatment of a key that exists already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Placing {
+pub enum PutMode {
     /// The key must be new.
     New,
     /// Inserts a value under a key. Replaces the value that has the key already, if any.
@@ -29,11 +29,11 @@ impl<T> KeyedList<T> {
     }
 
     /// Checks that a value can be put under a key.
-    pub(super) fn check(&self, key: &str, placing: Placing) -> Result<(), EditError> {
+    pub(super) fn check(&self, key: &str, mode: PutMode) -> Result<(), EditError> {
         if key.is_empty() {
             return Err(EditError::NoKey { kind: self.kind });
         }
-        if placing == Placing::New && self.numbers.contains_key(key) {
+        if mode == PutMode::New && self.numbers.contains_key(key) {
             return Err(EditError::Taken { kind: self.kind, key: key.to_owned() });
         }
         Ok(())
@@ -145,11 +145,11 @@ mod tests {
         assert!(matches!(list.arrange(&["a".into(), "x".into()]), Err(EditError::Unknown { .. })));
         list.arrange(&["a".into(), "c".into(), "b".into()]).unwrap();
         assert_eq!(list.remove("d"), Ok(3));
-        assert!(list.check("a", Placing::AddOrReplace).is_ok());
-        assert!(matches!(list.check("a", Placing::New), Err(EditError::Taken { .. })));
+        assert!(list.check("a", PutMode::AddOrReplace).is_ok());
+        assert!(matches!(list.check("a", PutMode::New), Err(EditError::Taken { .. })));
         assert_eq!(list.fresh_key("d"), "d");
         assert_eq!((list.fresh_key("a"), list.fresh_key("")), ("a.3".into(), "light".into()));
-        let told = list.get("x").unwrap_err().to_string();
-        assert_eq!(told, "there is no light `x`; the scene has `a`, `c`, `b`");
+        let message = list.get("x").unwrap_err().to_string();
+        assert_eq!(message, "there is no light `x`; the scene has `a`, `c`, `b`");
     }
 }

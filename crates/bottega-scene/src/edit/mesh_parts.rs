@@ -311,8 +311,8 @@ mod tests {
             (CornerMesh { colors: Some(&[[-1.0; 4]; 6]), ..square() }, "`colors`, row 0"),
         ];
         for (mesh, expected) in wrong {
-            let told = MeshParts::new("", &mesh, 2).map(|_| ()).unwrap_err().to_string();
-            assert!(told.starts_with(expected), "{told}");
+            let message = MeshParts::new("", &mesh, 2).map(|_| ()).unwrap_err().to_string();
+            assert!(message.starts_with(expected), "{message}");
         }
         let dropped = CornerMesh { triangles: &[[0, 0, 3], [0, 1, 2]], drop_empty: true, ..square() };
         assert_eq!(parts(&dropped)[0].1.triangles.len(), 1);

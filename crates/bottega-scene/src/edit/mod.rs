@@ -24,7 +24,7 @@ pub use self::{
     corner_mesh::CornerMesh,
     curve_strands::CurveStrands,
     error::{EditError, EntryKind},
-    keyed_list::Placing,
+    keyed_list::PutMode,
     object::{MatrixRows, PlacedObject},
 };
 use self::{keyed_list::KeyedList, mesh_parts::MeshParts, object::check_transforms};
@@ -131,8 +131,8 @@ impl SceneEditor {
     ///
     /// # Errors
     /// The key cannot be used.
-    pub fn put_image(&mut self, key: &str, image: Image, placing: Placing) -> Result<(), EditError> {
-        self.images.check(key, placing)?;
+    pub fn put_image(&mut self, key: &str, image: Image, mode: PutMode) -> Result<(), EditError> {
+        self.images.check(key, mode)?;
         let mut image = image;
         key.clone_into(&mut image.name);
         let image = Arc::new(image);
@@ -157,9 +157,9 @@ impl SceneEditor {
         key: &str,
         mesh: &CornerMesh<'_>,
         materials: Vec<String>,
-        placing: Placing,
+        mode: PutMode,
     ) -> Result<(), EditError> {
-        self.meshes.check(key, placing)?;
+        self.meshes.check(key, mode)?;
         self.check_materials(&materials)?;
         let parts = MeshParts::new(key, mesh, materials.len())?;
         self.put_parts(key, parts, materials)
@@ -170,16 +170,16 @@ impl SceneEditor {
     /// - `keys`: times, ascending, and the mesh then: it differs from `mesh` in positions and normals alone.
     ///
     /// # Errors
-    /// As for [`Self::put_mesh`], and a key has other triangles than the mesh.
+    /// The same as [`Self::put_mesh`]; or a key has other triangles than the mesh.
     pub fn put_moving_mesh(
         &mut self,
         key: &str,
         mesh: &CornerMesh<'_>,
         keys: &[(f64, CornerMesh<'_>)],
         materials: Vec<String>,
-        placing: Placing,
+        mode: PutMode,
     ) -> Result<(), EditError> {
-        self.meshes.check(key, placing)?;
+        self.meshes.check(key, mode)?;
         self.check_materials(&materials)?;
         let mut parts = MeshParts::new(key, mesh, materials.len())?;
         let keys = keys.iter().map(|(time, mesh)| Ok((*time, MeshParts::new(key, mesh, materials.len())?)));
@@ -198,9 +198,9 @@ impl SceneEditor {
         key: &str,
         curves: &CurveStrands<'_>,
         materials: Vec<String>,
-        placing: Placing,
+        mode: PutMode,
     ) -> Result<(), EditError> {
-        self.meshes.check(key, placing)?;
+        self.meshes.check(key, mode)?;
         self.check_materials(&materials)?;
         let parts = curves.parts(key)?;
         self.put_parts(key, parts, materials)
@@ -239,8 +239,8 @@ impl SceneEditor {
     ///
     /// # Errors
     /// The mesh or a material does not exist, or a matrix is singular.
-    pub fn put_object(&mut self, key: &str, object: PlacedObject, placing: Placing) -> Result<(), EditError> {
-        self.objects.check(key, placing)?;
+    pub fn put_object(&mut self, key: &str, object: PlacedObject, mode: PutMode) -> Result<(), EditError> {
+        self.objects.check(key, mode)?;
         let bounds = self.meshes.get(&object.mesh)?.parts.bounds;
         check_transforms(&object.transforms, bounds)?;
         object.check_motion(bounds)?;
@@ -381,8 +381,8 @@ impl SceneEditor {
         })
     }
 
-    /// Brings the things of a kind into the order of some keys, as if they had been added in this order; those without one of these
-    /// keys follow. A picture depends on the order.
+    /// Sorts the entries of a kind by a list of keys, as if they had been added in this order. Entries without one of these keys
+    /// follow. A picture depends on the order.
     ///
     /// # Errors
     /// A key does not exist; nothing has changed then.

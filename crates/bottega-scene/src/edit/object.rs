@@ -94,7 +94,7 @@ pub(super) fn check_transforms(transforms: &[Affine3A], bounds: (Vec3, Vec3)) ->
     } else if !transforms[row].matrix3.determinant().is_normal() {
         ("the matrix is singular", "its determinant must not be 0: scale by a small number instead, or hide the object")
     } else {
-        ("the matrix moves the mesh beyond what can be computed with", "keep all coordinates below 1e18")
+        ("the matrix moves the mesh too far away", "keep all coordinates below 1e18")
     };
     Err(EditError::row("transforms", row, problem, remedy))
 }

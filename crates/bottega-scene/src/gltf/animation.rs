@@ -39,13 +39,16 @@ pub(super) type Pose = BTreeMap<usize, NodePose>;
 
 /// Animations at a time, in seconds.
 #[derive(Clone, Debug)]
-pub(super) struct Moment {
+pub(super) struct AnimationTime {
     animations: Range<usize>,
     time: f32,
 }
 
 /// Returns the animations and time that the options select. `None`: nothing is animated.
-pub(super) fn moment(source: &GltfSource<'_>, warnings: &mut Warnings) -> Result<Option<Moment>, SceneError> {
+pub(super) fn animation_time(
+    source: &GltfSource<'_>,
+    warnings: &mut Warnings,
+) -> Result<Option<AnimationTime>, SceneError> {
     let animations = &source.document.animations;
     let chosen = match &source.options.animation {
         None => 0..animations.len(),
@@ -72,10 +75,10 @@ pub(super) fn moment(source: &GltfSource<'_>, warnings: &mut Warnings) -> Result
     if animations.is_empty() {
         warnings.add("", "the scene has no animations, it is the same at all times");
     }
-    Ok(Some(Moment { animations: chosen, time }))
+    Ok(Some(AnimationTime { animations: chosen, time }))
 }
 
-impl Moment {
+impl AnimationTime {
     /// Returns the time, in seconds.
     pub(super) fn time(&self) -> f32 {
         self.time

@@ -36,7 +36,7 @@ pub(super) enum GltfError {
 
     #[error("unknown mode {0}")]
     PrimitiveMode(u64),
-    #[error("attribute {0} of it is not there, or of a kind that glTF does not know")]
+    #[error("its attribute {0} is missing, or of a kind unknown to glTF")]
     DracoAttribute(usize),
 
     #[error("ends at byte {end} of buffer {buffer}, which has {bytes}")]
@@ -76,7 +76,7 @@ pub(super) enum GltfError {
 
     #[error("the header of the GLB container is cut off")]
     GlbHeader,
-    #[error("its GLB container has version {0}, only version 2 is known")]
+    #[error("its GLB container has version {0}, only version 2 is supported")]
     GlbVersion(u32),
     #[error("its header announces {announced} bytes, there are {bytes}")]
     GlbTooShort { announced: usize, bytes: usize },

@@ -66,7 +66,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_area_any_more_is_left_out() {
+    fn triangles_that_lost_their_area_are_left_out() {
         let turn = DMat3::from_quat(DQuat::from_rotation_x(0.7) * DQuat::from_rotation_y(0.3));
         for matrix in [DMat3::IDENTITY, turn] {
             let flat = DAffine3::from_mat3(matrix * DMat3::from_diagonal(DVec3::new(2.0, 1.0, 0.0)));

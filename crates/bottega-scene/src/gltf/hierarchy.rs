@@ -46,7 +46,7 @@ impl Hierarchy {
         while let Some((index, world_from_parent, is_visible)) = pending.pop() {
             let node = find("node", &document.nodes, index).map_err(|problem| source.invalid("scenes", problem))?;
             if world_from_node[index].is_some() {
-                return Err(source.invalid(format!("nodes[{index}]"), "stands in the scene twice"));
+                return Err(source.invalid(format!("nodes[{index}]"), "is in the scene twice"));
             }
             let world = world_from_parent * parent_from_node(node, pose.get(&index));
             world_from_node[index] = Some(world);

@@ -389,10 +389,10 @@ fn clean(mesh: &mut Mesh, shape: &PrimitiveShape, warnings: &mut Warnings) {
     }
     if mesh.mend_normals() {
         warnings
-            .add(shape.place(".attributes.NORMAL"), "some are no directions and are replaced by those of the surface");
+            .add(shape.place(".attributes.NORMAL"), "some are not directions and are replaced by those of the surface");
     }
     if mesh.mend_tangents() {
-        warnings.add(shape.place(".attributes.TANGENT"), "some are no directions and are replaced");
+        warnings.add(shape.place(".attributes.TANGENT"), "some are not directions and are replaced");
     }
     let mut replaced = 0;
     for uv in mesh.uvs.iter_mut().flatten().filter(|uv| !uv.is_finite()) {

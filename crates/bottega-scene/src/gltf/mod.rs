@@ -49,7 +49,7 @@ use crate::budget::MemoryBudget;
 use crate::error::{SceneError, Warnings};
 use crate::hints::{Metadata, RenderHints};
 use crate::import::merge::{StillParts, merge};
-use crate::import::request::{ImportRequest, Imported};
+use crate::import::request::{ImportOutput, ImportRequest};
 use crate::material::Material;
 use crate::model::Scene;
 use crate::objects_only;
@@ -95,7 +95,7 @@ pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
 }
 
 /// Imports a file with the contents `file`, read from `path`. The scene may lack lights and cameras.
-pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
+pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<ImportOutput, SceneError> {
     let &ImportRequest { path, file, options, origin, resources } = request;
     let budget = resources.budget();
     let damaged = |error: GltfError| SceneError::Damaged { path: path.into(), problem: error.to_string() };
@@ -114,14 +114,22 @@ pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Re
         source.variant = Some(source.by_name("variant", name, variants.iter().map(|variant| variant.name.as_str()))?);
     }
 
-    let moment = animation::moment(&source, warnings)?;
-    let pointed = moment.as_ref().map(|moment| moment.pointed(&source, warnings)).transpose()?.unwrap_or_default();
+    let animation_time = animation::animation_time(&source, warnings)?;
+    let pointed = animation_time
+        .as_ref()
+        .map(|animation_time| animation_time.pointed(&source, warnings))
+        .transpose()?
+        .unwrap_or_default();
     let animated;
     if !pointed.is_empty() {
         animated = pointer::replaced(path, json.as_bytes(), pointed, budget, warnings)?;
         source.document = &animated;
     }
-    let pose = moment.as_ref().map(|moment| moment.pose(&source, warnings)).transpose()?.unwrap_or_default();
+    let pose = animation_time
+        .as_ref()
+        .map(|animation_time| animation_time.pose(&source, warnings))
+        .transpose()?
+        .unwrap_or_default();
     let hierarchy = Hierarchy::new(&source, pose, warnings)?;
     let placements = node::placements(&source, &hierarchy, warnings)?;
     let used: BTreeSet<Option<usize>> = placements.shapes.iter().map(|shape| shape.material).collect();
@@ -141,17 +149,17 @@ pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Re
         node::build(&source, &hierarchy, &placements, &draco, &materials, &material_of, warnings)?;
     drop(draco);
     let mut stills = Vec::new();
-    for later in moment.iter().flat_map(|moment| moment.later(&source)) {
+    for later in animation_time.iter().flat_map(|animation_time| animation_time.later(&source)) {
         stills.push(still_parts(&source, &later, &materials, &material_of)?);
     }
     let (meshes, images) = (meshes.into(), images.into());
     let mut scene = Scene { meshes, instances, materials, media, images, ..Scene::default() };
     punctual::add_cameras(&source, &hierarchy, &mut scene, warnings)?;
     punctual::add_lights(&source, &hierarchy, &mut scene, warnings)?;
-    if let Some(moment) = &moment
+    if let Some(animation_time) = &animation_time
         && !stills.is_empty()
     {
-        for problem in merge(&mut scene, moment.time().into(), &stills) {
+        for problem in merge(&mut scene, animation_time.time().into(), &stills) {
             warnings.unsupported("animations", problem);
         }
     }
@@ -166,12 +174,12 @@ pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Re
 /// Reads the parts that may move at another time. What is wrong with them was reported for the first time.
 fn still_parts(
     source: &GltfSource<'_>,
-    moment: &animation::Moment,
+    animation_time: &animation::AnimationTime,
     materials: &[Material],
     material_of: &BTreeMap<Option<usize>, u32>,
 ) -> Result<StillParts, SceneError> {
     let mut warnings = Warnings::default();
-    let pose = moment.pose(source, &mut warnings)?;
+    let pose = animation_time.pose(source, &mut warnings)?;
     let hierarchy = Hierarchy::new(source, pose, &mut warnings)?;
     let placements = node::placements(source, &hierarchy, &mut warnings)?;
     let draco = draco::decompress(source, &placements.shapes)?;
@@ -181,7 +189,7 @@ fn still_parts(
     punctual::add_cameras(source, &hierarchy, &mut others, &mut warnings)?;
     punctual::add_lights(source, &hierarchy, &mut others, &mut warnings)?;
     let Scene { cameras, lights, .. } = others;
-    Ok(StillParts { time: moment.time().into(), meshes, instances, cameras, lights })
+    Ok(StillParts { time: animation_time.time().into(), meshes, instances, cameras, lights })
 }
 
 fn parse(path: &Path, json: &[u8], budget: &MemoryBudget) -> Result<Document, SceneError> {
@@ -213,7 +221,7 @@ fn check_version(path: &Path, document: &Document) -> Result<(), SceneError> {
         return Ok(());
     }
     let problem = match needed.as_str() {
-        "" => "does not say which version of glTF it is".into(),
+        "" => "does not name its version of glTF".into(),
         version => format!("is glTF {}, only version 2.0 can be read", shortened(version)),
     };
     Err(SceneError::Invalid { path: path.into(), place: "asset.version".into(), problem })

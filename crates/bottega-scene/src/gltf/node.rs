@@ -195,6 +195,8 @@ enum InstancedMesh {
 }
 
 impl NodeShape {
+    /// Creates a shape of a mesh.
+    ///
     /// - `is_far`: the scene is far from the origin, and the mesh may also be far from its own.
     fn new(mut mesh: Mesh, is_far: bool) -> Self {
         let center = if is_far { crate::origin::centered(&mut mesh) } else { None };
@@ -237,7 +239,7 @@ impl NodeMeshes {
                 self.flat.push(mesh);
                 None
             }
-            Ok(None) => Some("the transformation leaves nothing of it that has an area"),
+            Ok(None) => Some("the transformation flattens all of it"),
             Err(flat::OutOfReach) => Some("the transformation moves it out of reach"),
         })
     }

@@ -110,12 +110,12 @@ pub(super) fn replaced(
     let _held = budget.hold(path, (json.len() / 2).saturating_mul(size_of::<Value>()))?;
     let damaged = |error: serde_json::Error| SceneError::Damaged {
         path: path.into(),
-        problem: format!("its animations make no document of it ({error})"),
+        problem: format!("its animations make the document invalid ({error})"),
     };
     let mut document: Value = serde_json::from_slice(json).map_err(damaged)?;
     for (pointer, value) in values {
         if !set(&mut document, &pointer, value) {
-            warnings.unsupported("animations", format!("`{}` leads nowhere and is not animated", shortened(&pointer)));
+            warnings.unsupported("animations", format!("`{}` does not exist and is not animated", shortened(&pointer)));
         }
     }
     Document::deserialize(ObjectsOnly(document)).map_err(damaged)
@@ -145,7 +145,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_can_be_animated_is_known() {
+    fn animated_properties_are_recognized() {
         for pointer in [
             "/materials/0/pbrMetallicRoughness/baseColorFactor",
             "/materials/12/emissiveFactor",

@@ -75,14 +75,14 @@ impl<'a> Textures<'a> {
             find("image", &document.images, image).map_err(invalid)?;
         } else {
             let message =
-                format!("texture {} has no picture in a format that can be read; {STANDS_FOR_MISSING}", info.index);
+                format!("texture {} has no picture in a format that can be read; {REPLACES_MISSING}", info.index);
             warnings.unsupported(place, message);
         }
         let transform = info.extensions.transform.as_deref();
         let uv_set = transform.and_then(|transform| transform.tex_coord).unwrap_or(info.tex_coord);
         if uv_set > 1 {
             warnings
-                .unsupported(place, format!("only two sets of texture coordinates are kept, 0 stands for {uv_set}"));
+                .unsupported(place, format!("only two sets of texture coordinates are kept; set 0 replaces {uv_set}"));
         }
         Ok(TextureMap {
             image: self.id(texture.picture().map(|image| self.first[image]), picture),
@@ -136,7 +136,7 @@ impl<'a> Textures<'a> {
                     }
                 }
                 Err(problem) => {
-                    warnings.unsupported(format!("images[{index}]"), format!("{problem}; {STANDS_FOR_MISSING}"));
+                    warnings.unsupported(format!("images[{index}]"), format!("{problem}; {REPLACES_MISSING}"));
                 }
             }
         }
@@ -154,7 +154,7 @@ impl<'a> Textures<'a> {
     }
 }
 
-const STANDS_FOR_MISSING: &str = "magenta stands for its colours, 1 for its numbers, a flat surface for its normals";
+const REPLACES_MISSING: &str = "magenta replaces its colours, 1 its numbers, a flat surface its normals";
 
 /// The pictures of a scene.
 pub(super) struct LoadedImages {

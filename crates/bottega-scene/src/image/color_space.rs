@@ -10,7 +10,7 @@ pub(super) fn left_out(bytes: &[u8], format: ImageFormat, decoder: &mut impl Ima
     if let Some(name) = profile.as_deref().and_then(profile_name) {
         let plain: String = name.to_ascii_lowercase().chars().filter(char::is_ascii_alphanumeric).collect();
         return (!plain.contains("srgb") && !plain.contains("gray") && !plain.contains("grey"))
-            .then(|| format!("its colour profile `{name}` is left out: its colours count as sRGB"));
+            .then(|| format!("its colour profile `{name}` is left out: its colours are read as sRGB"));
     }
     (format == ImageFormat::Png).then(|| png_gamma(bytes)).flatten()
 }
@@ -48,7 +48,7 @@ fn png_gamma(bytes: &[u8]) -> Option<String> {
             b"gAMA" => {
                 let gamma = f64::from(u32::from_be_bytes(*bytes.get(at + 8..)?.first_chunk()?)) / 100_000.0;
                 return ((gamma - 1.0 / 2.2).abs() > 0.01)
-                    .then(|| format!("its gamma of {gamma} is left out: its colours count as sRGB"));
+                    .then(|| format!("its gamma of {gamma} is left out: its colours are read as sRGB"));
             }
             _ => at = at.checked_add(length)?.checked_add(12)?,
         }
@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gamma_of_its_own_is_told() {
+    fn an_unusual_gamma_is_reported() {
         let png = |chunks: &[(&[u8; 4], u32)]| {
             let mut file = vec![0; 8];
             for (name, value) in chunks {

@@ -77,7 +77,7 @@ fn describe(bytes: &[u8]) -> &'static str {
         [b'G', b'I', b'F', ..] => "it is a GIF picture; use PNG or JPEG",
         [b'D', b'D', b'S', ..] => "it is a DDS picture; use PNG or JPEG",
         _ => {
-            "it is no picture in a format that can be read (PNG, JPEG, TGA, BMP, TIFF, WebP, PNM, PFM, HDR, EXR, KTX2)"
+            "it is not a picture in a format that can be read (PNG, JPEG, TGA, BMP, TIFF, WebP, PNM, PFM, HDR, EXR, KTX2)"
         }
     }
 }
@@ -376,7 +376,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_of_high_dynamic_range_are_linear_whatever_is_asked() {
+    fn pictures_of_high_dynamic_range_are_linear_for_every_encoding() {
         let bright = DynamicImage::ImageRgb32F(ImageBuffer::from_pixel(4, 2, Rgb([4.0, 0.5, 1000.0])));
         let image = read_image(&encoded(&bright, ImageFormat::Hdr), Encoding::Srgb);
         let texel = image.texel(3, 1);
@@ -406,7 +406,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_computed_with_is_replaced_and_told_in_every_format_of_floats() {
+    fn values_that_are_not_finite_are_replaced_and_reported_in_every_float_format() {
         let bright = [f32::NAN, f32::INFINITY, 3.0, 1e30, -f32::INFINITY, 0.5];
         let exr = exr_file(&[("R", f32::INFINITY), ("G", 3.0), ("B", f32::NAN)]);
         let mut pfm = b"PF\n2 1\n-1\n".to_vec();
@@ -459,8 +459,8 @@ mod tests {
         for (name, file) in files {
             let start = std::time::Instant::now();
             let refused = PictureHeader::read(&file, 1 << 28);
-            let is_told = matches!(&refused, Err(error) if error.to_string().contains("announces"));
-            assert!(is_told, "{name}: {refused:?}");
+            let is_reported = matches!(&refused, Err(error) if error.to_string().contains("announces"));
+            assert!(is_reported, "{name}: {refused:?}");
             assert!(start.elapsed().as_millis() < 200, "{name}: {:?}", start.elapsed());
         }
     }
@@ -486,7 +486,7 @@ mod tests {
     }
 
     #[test]
-    fn too_many_pixels_and_unknown_formats_are_told_apart() {
+    fn too_many_pixels_and_unknown_formats_are_different_errors() {
         let file = exr_file(&[("Y", 7.0)]);
         assert!(matches!(PictureHeader::read(&file, 5), Err(PictureError::TooManyPixels { .. })));
         assert!(

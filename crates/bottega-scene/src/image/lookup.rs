@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn slopes_are_what_lookups_differ_by() {
+    fn slopes_are_the_differences_of_lookups() {
         let texels = (0..8 * 4).map(|i| [(i * 37 % 11) as f32, (i * 23 % 7) as f32, 0.0]).collect();
         let image = Image::from_linear_rgb("rough", 8, 4, texels);
         let turned =
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn wrap_modes_say_what_is_beyond_the_edge() {
+    fn wrap_modes_decide_the_texels_beyond_the_edge() {
         let image = ramp(4, 1);
         let at = |wrap, u| {
             let map = TextureMap { wrap_u: wrap, smooth: false, ..map() };

@@ -72,8 +72,8 @@ macro_rules! rearranged {
 }
 
 impl Image {
-    /// Makes a picture of linear RGB without alpha, row-major from the upper row. Values that are negative or not
-    /// finite become 0, those above [`VALUE_MAX`](VALUE_MAX) become that.
+    /// Makes a picture of linear RGB without alpha, row-major from the upper row. Negative values and values that are not
+    /// finite become 0; values above [`VALUE_MAX`](VALUE_MAX) become [`VALUE_MAX`](VALUE_MAX).
     ///
     /// # Panics
     ///

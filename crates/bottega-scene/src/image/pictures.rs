@@ -220,7 +220,7 @@ impl<'a> Pictures<'a> {
             });
             image.unwrap_or_else(|problem| {
                 let (stand_in, image) = wanted.kind.purpose.stand_in(&name);
-                let message = format!("the picture `{name}`: {problem}; {stand_in} stands for it");
+                let message = format!("the picture `{name}`: {problem}; {stand_in} replaces it");
                 warnings.unsupported(wanted.place.as_str(), message);
                 image
             })

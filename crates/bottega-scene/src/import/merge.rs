@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn what_vanishes_is_reported() {
+    fn parts_that_vanish_are_reported() {
         let StillParts { meshes, instances, .. } = still(0.0, vec![cube(1.0)], &[(0, 0.0), (0, 1.0)]);
         let mut scene = Scene { meshes: meshes.into(), instances, ..Scene::default() };
         let problems = merge(&mut scene, 0.0, &[still(0.5, vec![cube(1.0)], &[(0, 1.0)])]);

@@ -44,7 +44,7 @@ impl TransformPath {
         self.0.iter().all(|key| key.1.matrix3 == self.0[0].1.matrix3)
     }
 
-    /// Returns the transformation at a time: between two keys translation, rotation and stretch are interpolated apart.
+    /// Returns the transformation at a time: between two keys, translation, rotation and stretch are interpolated separately.
     pub(crate) fn at(&self, time: f64) -> DAffine3 {
         let next = self.0.partition_point(|key| key.0 <= time);
         if next == 0 || next == self.0.len() {
@@ -87,7 +87,7 @@ impl TransformPath {
         Self::still(*last).of(self)
     }
 
-    /// Returns the keys of something that moves, rounded; empty if it stands still.
+    /// Returns the keys of the motion, rounded; empty if nothing moves.
     pub(crate) fn motion(&self, rounded: impl Fn(&DAffine3) -> Affine3A) -> Vec<TransformKey> {
         if self.is_still() {
             return Vec::new();

@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_spot_throws_has_the_mean_of_its_picture_at_any_size() {
+    fn the_light_of_a_spot_has_the_mean_of_its_picture_at_any_size() {
         for (width, height) in [(1920, 1080), (333, 3), (9000, 4)] {
             let picture = columns(width, height);
             let slide = Slide::new(TextureMap::new(ImageId(0)), 20.0, 24.0);

@@ -24,4 +24,4 @@ pub(crate) struct ImportRequest<'a> {
 }
 
 /// The output of an importer. The scene may lack lights and cameras.
-pub(crate) type Imported = (Scene, Metadata, RenderHints);
+pub(crate) type ImportOutput = (Scene, Metadata, RenderHints);

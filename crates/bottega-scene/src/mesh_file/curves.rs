@@ -81,7 +81,7 @@ fn point(line: &[u8]) -> Result<Vec4, LineFault<'_>> {
         };
         let value = float(word).ok_or_else(|| {
             let text = String::from_utf8_lossy(word);
-            LineFault::new(word, format!("`{}` is no number; a control point is `x y z radius`", shortened(&text)))
+            LineFault::new(word, format!("`{}` is not a number; a control point is `x y z radius`", shortened(&text)))
         })?;
         if value.is_nan() || value.abs() > COORDINATE_MAX {
             return Err(LineFault::new(word, format!("the {name} is out of reach: beyond {COORDINATE_MAX:e}")));
@@ -115,11 +115,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_by_line_and_column() {
+    fn errors_name_line_and_column() {
         for (text, place, reason) in [
             ("0 0 0 1\n0 0 1\n", "line 2, column 6", "radius is missing"),
-            ("0 0 0 1\n0 zero 1 1\n", "line 2, column 3", "`zero` is no number"),
-            ("# hair\n0 0 0 1\n", "line 1, column 1", "`#` is no number"),
+            ("0 0 0 1\n0 zero 1 1\n", "line 2, column 3", "`zero` is not a number"),
+            ("# hair\n0 0 0 1\n", "line 1, column 1", "`#` is not a number"),
             ("0 0 nan 1\n0 0 1 1\n", "line 1, column 5", "out of reach"),
             ("0 0 1e30 1\n0 0 1 1\n", "line 1, column 5", "out of reach"),
             ("0 0 0 -1\n0 0 1 1\n", "line 1, column 7", "below 0"),
@@ -127,7 +127,7 @@ mod tests {
             ("0 0 0 1\n0 0 1 1\n\n0 0 0 1", "line 4, column 1", "of 1 control points"),
             ("", "hair.txt", "no control points"),
             ("\n \n", "hair.txt", "no control points"),
-            ("\0\0\u{7}", "line 1, column 1", "no text"),
+            ("\0\0\u{7}", "line 1, column 1", "not text"),
         ] {
             let error = parsed(text, 2).unwrap_err();
             assert!(error.contains("hair.txt") && error.contains(place) && error.contains(reason), "{text:?}: {error}");

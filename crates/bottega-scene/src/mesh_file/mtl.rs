@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_left_out_and_named_with_its_line_and_column() {
+    fn wrong_numbers_are_left_out_and_named_with_line_and_column() {
         for (text, line, column) in [
             ("newmtl a\nNs nan\nPr 0.5", 2, "column 4: "),
             ("newmtl a\n\tKd 1 2 x\nPr 0.5", 2, "column 9: "),

@@ -9,7 +9,7 @@ use super::{ply, serialized};
 use crate::color::Spectrum;
 use crate::error::{SceneError, Warnings};
 use crate::hints::{Metadata, RenderHints};
-use crate::import::request::{ImportRequest, Imported};
+use crate::import::request::{ImportOutput, ImportRequest};
 use crate::material::Material;
 use crate::mesh_file::obj::file::ObjFile;
 use crate::model::{Mesh, Scene};
@@ -24,7 +24,7 @@ pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
 }
 
 /// Imports a file that [`recognizes`] accepts. The scene has no cameras, and no lights except emissive materials.
-pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
+pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<ImportOutput, SceneError> {
     let &ImportRequest { path, file, options, origin, resources } = request;
     let budget = resources.budget();
     let mut scene = Scene::default();

@@ -45,7 +45,7 @@ pub(crate) fn read(path: &Path, bytes: &[u8], shape_index: u32, budget: &MemoryB
     let bytes = &bytes[range];
     if !recognizes(bytes) {
         return Err(
-            source.damaged(format!("its table leads to byte {start} for shape {shape_index}, where no mesh begins"))
+            source.damaged(format!("its table names byte {start} for shape {shape_index}, where no mesh begins"))
         );
     }
     let compressed = &bytes[4..];
@@ -77,7 +77,7 @@ fn table(bytes: &[u8]) -> Option<OffsetTable> {
 }
 
 fn no_table(path: &Path) -> SceneError {
-    SceneError::Damaged { path: path.into(), problem: "the table at its end is not there".into() }
+    SceneError::Damaged { path: path.into(), problem: "the table at its end is missing".into() }
 }
 
 /// Returns the byte range of a mesh.
@@ -98,7 +98,7 @@ fn find(source: MeshSource<'_>, bytes: &[u8], shape_index: u32) -> Result<std::o
         (Some(start), Some(end)) if start < end && end <= table => Ok(start..end),
         _ => {
             let entry = table + index * width;
-            Err(source.damaged(format!("its table, at byte {entry}, leads to no place for shape {shape_index}")))
+            Err(source.damaged(format!("its table, at byte {entry}, names no valid place for shape {shape_index}")))
         }
     }
 }

@@ -91,7 +91,7 @@ pub(super) fn with_attributes(
             Some(attribute) => found.push((awaited, attribute)),
             None => {
                 let name = shortened(&awaited.name);
-                let message = format!("the {} has no attribute `{name}`; 0.5 stands for it", object.describe());
+                let message = format!("the {} has no attribute `{name}`; 0.5 replaces it", object.describe());
                 context.warn(object.at, message);
             }
         }

@@ -199,7 +199,7 @@ fn surface(
         "principled" | "principledthin" => Surface::Principled(Box::new(principled(context, textures, object)?)),
         "hair" => Surface::Hair(Box::new(hair(context, textures, object)?)),
         "phong" | "ward" => {
-            let message = format!("the {} is not supported; its diffuse part stands for it", object.describe());
+            let message = format!("the {} is not supported; its diffuse part replaces it", object.describe());
             context.warn(object.at, message);
             object.accept_all();
             Surface::Diffuse(Diffuse {
@@ -208,7 +208,7 @@ fn surface(
             })
         }
         _ => {
-            let message = format!("the {} is not supported; gray diffuse stands for it", object.describe());
+            let message = format!("the {} is not supported; gray diffuse replaces it", object.describe());
             context.warn(object.at, message);
             object.accept_all();
             Surface::matte(half)
@@ -248,7 +248,7 @@ fn two_sided(
     };
     let is_clear = front.transmits() || other.as_ref().is_some_and(LoweredBsdf::transmits);
     if !object.boolean("allow_transmission", false)? && is_clear {
-        context.note(object.at, "Mitsuba wants `allow_transmission` of a twosided bsdf that lets light through");
+        context.note(object.at, "Mitsuba requires `allow_transmission` of a twosided bsdf that transmits light");
     }
     if let Some(back) = other.take_if(|other| other.opacity != front.opacity) {
         (front, other) = (front.met_everywhere(), Some(back.met_everywhere()));
@@ -396,7 +396,7 @@ fn mixture(
     }
     let mut parts = parts.into_iter();
     let Some((mut all, mut total)) = parts.next() else {
-        return Err(object.at.fault("a mixture of nothing").into());
+        return Err(object.at.fault("a mixture without parts").into());
     };
     for (part, weight) in parts {
         total += weight;
@@ -427,7 +427,7 @@ fn conductor(
         match metal(name) {
             Some((eta, k)) => ((eta / outside).into(), (k / outside).into()),
             None => {
-                let message = format!("the metal `{}` is not known; a perfect mirror stands for it", shortened(name));
+                let message = format!("the metal `{}` is unknown; a perfect mirror replaces it", shortened(name));
                 context.warn(object.at, message);
                 (Spectrum::ZERO.into(), Spectrum::ZERO.into())
             }
@@ -492,8 +492,8 @@ fn ior(object: &Object, name: &str, default: &str) -> Result<f32, TextFault> {
         Value::Float(number) if (0.01..=100.0).contains(number) => Ok(*number as f32),
         Value::Integer(number) if (1..=100).contains(number) => Ok(*number as f32),
         Value::String(text) => mitsuba_ior(text)
-            .ok_or_else(|| property.at.fault(format!("no substance is known as `{}`", shortened(text)))),
-        _ => Err(property.at.fault(format!("`{name}` is no index of refraction"))),
+            .ok_or_else(|| property.at.fault(format!("the substance `{}` is unknown", shortened(text)))),
+        _ => Err(property.at.fault(format!("`{name}` is not an index of refraction"))),
     }
 }
 
@@ -510,7 +510,7 @@ fn facets(
         Some("ggx") => Distribution::Ggx,
         None | Some("beckmann") => Distribution::Beckmann,
         Some(other) => {
-            let message = format!("the distribution `{}` is not supported; Beckmann's stands for it", shortened(other));
+            let message = format!("the distribution `{}` is not supported; Beckmann's replaces it", shortened(other));
             context.warn(object.at, message);
             Distribution::Beckmann
         }

@@ -9,7 +9,7 @@ use crate::color::Spectrum;
 use crate::import::text_place::{ImportError, ImportResult, TextFault, TextPlace};
 use crate::spectrum::file::read_spd;
 use crate::spectrum::role::ColorRole;
-use crate::spectrum::sampled::Sampled;
+use crate::spectrum::sampled::SampledSpectrum;
 
 /// Mitsuba's range of visible wavelengths, in nm.
 const VISIBLE: [f64; 2] = [360.0, 830.0];
@@ -41,7 +41,7 @@ pub(super) fn property_color(
 /// Mitsuba 0.x, where it is also white.
 fn uniform(context: &ImportContext<'_>, value: f64, role: ColorRole) -> Spectrum {
     if role == ColorRole::Emission && !context.document.is_old {
-        Sampled::constant(value).mitsuba_radiance()
+        SampledSpectrum::constant(value).mitsuba_radiance()
     } else {
         Vec3::splat(value as f32)
     }
@@ -68,7 +68,7 @@ pub(super) fn plugin_color(
             if edge("wavelength_min", VISIBLE[0])? > VISIBLE[0] || edge("wavelength_max", VISIBLE[1])? < VISIBLE[1] {
                 context.warn(object.at, "a black body glows at all wavelengths, and not in a part of them");
             }
-            return Ok(Some(Sampled::blackbody(kelvin).scaled(scale).mitsuba_color(role)));
+            return Ok(Some(SampledSpectrum::blackbody(kelvin).scaled(scale).mitsuba_color(role)));
         }
         "regular" => {
             let values = numbers(object, "values")?;
@@ -87,7 +87,7 @@ pub(super) fn plugin_color(
         }
         _ => return Ok(None),
     };
-    Ok(Some(Sampled::new(samples).map_err(|error| object.at.fault(error))?.mitsuba_color(role)))
+    Ok(Some(SampledSpectrum::new(samples).map_err(|error| object.at.fault(error))?.mitsuba_color(role)))
 }
 
 /// Returns the list of numbers in a text property; empty if it is not given.

@@ -55,7 +55,7 @@ impl<'a> ImportContext<'a> {
         self.visited[id.0] = true;
         self.conversions += 1;
         if self.conversions > CONVERSIONS_MIN + CONVERSIONS_PER_OBJECT * document.objects.len() {
-            return Err(object.at.fault("references multiply beyond measure").into());
+            return Err(object.at.fault("references multiply without end").into());
         }
         Ok(object)
     }

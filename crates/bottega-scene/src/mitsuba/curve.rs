@@ -37,8 +37,8 @@ pub(super) fn is_hair(context: &ImportContext<'_>, object: &Object) -> bool {
     !shines && has_hair(context, object, DEPTH_MAX)
 }
 
-/// Converts the curves of a shape to tubes, or keeps them as round curves if they are hair. `None`: they are out of range,
-/// which is reported.
+/// Converts the curves of a shape to tubes, or keeps them as round curves if they are hair. `None`: they are out of range;
+/// adds a warning.
 pub(super) fn read(context: &mut ImportContext<'_>, object: &Object, matrix: &DMat4) -> ImportResult<Option<Mesh>> {
     let is_spline = object.plugin == "bsplinecurve";
     let location = context.filename(object)?;

@@ -44,7 +44,7 @@ impl Emitters {
                 let path = path.then(&DAffine3::from_translation(-context.origin));
                 light.motion = path.after(&path.first().inverse()).motion(DAffine3::as_affine3a);
             }
-            _ => context.warn(object.at, format!("the {} moves; it stays as it is at first", object.describe())),
+            _ => context.warn(object.at, format!("the {} moves; it keeps its first pose", object.describe())),
         }
         Ok(())
     }
@@ -59,7 +59,7 @@ impl Emitters {
         let object = context.visit(id)?;
         let has_extent = !matches!(object.plugin.as_str(), "point" | "spot" | "directional" | "projector");
         if !has_extent && object.float("sampling_weight")? == Some(0.0) {
-            context.note(object.at, "a lamp without extent whose `sampling_weight` is 0 shines nowhere");
+            context.note(object.at, "a lamp without extent whose `sampling_weight` is 0 emits no light");
             object.accept_all();
             return Ok(());
         }
@@ -99,7 +99,7 @@ impl Emitters {
                 let kind = projector(context, textures, object, &to_world)?;
                 self.add_light(object, kind);
             }
-            "area" => context.warn(object.at, "an area emitter outside of a shape shines nowhere"),
+            "area" => context.warn(object.at, "an area emitter outside of a shape emits no light"),
             _ => {
                 context.warn(object.at, format!("the {} is not supported and left out", object.describe()));
                 object.accept_all();

@@ -20,7 +20,7 @@ pub(super) fn fov_axis(context: &mut ImportContext<'_>, object: &Object) -> Impo
         Some("smaller") => FovAxis::Smaller,
         Some("larger") => FovAxis::Larger,
         Some(other) => {
-            let message = format!("`fov_axis` cannot be `{}`; `x` stands for it", shortened(other));
+            let message = format!("`fov_axis` cannot be `{}`; `x` replaces it", shortened(other));
             context.warn(object.at, message);
             FovAxis::X
         }

@@ -5,7 +5,7 @@ use super::document::{Class, Object, ObjectId};
 use crate::color::Spectrum;
 use crate::hints::RenderHints;
 use crate::import::text_place::{ImportResult, TextPlace};
-use crate::integrator::{Follows, IntegratorHint, PhotonHints};
+use crate::integrator::{IntegratorHint, PhotonHints, TransportPaths};
 use crate::model::Scene;
 use crate::surface::Surface;
 
@@ -36,7 +36,7 @@ impl IntegratorEffects {
             return;
         }
         if scene.leave_out_media() {
-            context.note(at, "the integrator of the file knows no media: they are left out");
+            context.note(at, "the integrator of the file does not support media: they are left out");
         }
         // Without media, their boundaries are bounces and hide lights.
         for material in scene.materials.iter_mut().filter(|material| material.surface == Surface::Null) {
@@ -60,7 +60,7 @@ pub(super) fn read_integrator(
     // Mitsuba counts the edges of a path: 1 is emission, 2 direct light.
     let mut bounces = u32::try_from(depth).map_or(u32::MAX, |depth| depth.saturating_sub(1));
     let hides_emitters = object.boolean("hide_emitters", false)?;
-    let mut follows = Follows::Paths { is_ours: true };
+    let mut follows = TransportPaths::Paths { is_ours: true };
     let mut is_known = true;
     match object.plugin.as_str() {
         "path" | "volpath" | "volpathmis" | "volpath_simple" => {}
@@ -73,18 +73,18 @@ pub(super) fn read_integrator(
             }
         }
         "prb" | "prb_basic" | "prb_projective" | "prbvolpath" => {
-            follows = Follows::Paths { is_ours: false };
+            follows = TransportPaths::Paths { is_ours: false };
             object.accept_all();
         }
         "direct_projective" => {
-            (follows, bounces) = (Follows::Paths { is_ours: false }, 1);
+            (follows, bounces) = (TransportPaths::Paths { is_ours: false }, 1);
             object.accept_all();
         }
         "bdpt" | "mlt" | "pssmlt" | "erpt" | "ptracer" | "vpl" => {
-            follows = Follows::BothEnds;
+            follows = TransportPaths::BothEnds;
             object.accept_all();
         }
-        "photonmapper" | "ppm" | "sppm" => follows = Follows::Photons(photon_hints(hints, object)?),
+        "photonmapper" | "ppm" | "sppm" => follows = TransportPaths::Photons(photon_hints(hints, object)?),
         _ => {
             let message = format!("the {} is not supported; paths are traced instead", object.describe());
             context.warn(object.at, message);

@@ -9,13 +9,13 @@ use super::texture::MitsubaTextures;
 use crate::import::text_place::ImportResult;
 
 /// The textures, media and materials of a scene.
-pub(super) struct Looks<'a> {
+pub(super) struct SceneLooks<'a> {
     pub(super) textures: MitsubaTextures<'a>,
     pub(super) media: MitsubaMedia,
     pub(super) materials: MitsubaMaterials,
 }
 
-impl<'a> Looks<'a> {
+impl<'a> SceneLooks<'a> {
     /// Makes empty collections.
     pub(super) fn new(textures: MitsubaTextures<'a>) -> Self {
         Self { textures, media: MitsubaMedia::default(), materials: MitsubaMaterials::default() }

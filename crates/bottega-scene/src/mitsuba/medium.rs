@@ -69,7 +69,7 @@ impl MitsubaMedia {
         }
         let object = context.visit(id)?;
         if object.plugin != "homogeneous" && object.plugin != "heterogeneous" {
-            let message = format!("the {} is not supported; its mean stands for it", object.describe());
+            let message = format!("the {} is not supported; its mean replaces it", object.describe());
             context.warn(object.at, message);
         }
         // Mitsuba 0.x may give scattering and absorption separately. A heterogeneous medium ends at the box of its
@@ -89,7 +89,10 @@ impl MitsubaMedia {
         let scale = object.float_at_least("scale", 0.0, 1.0)? as f32;
         let scaled = |coefficient: Spectrum| (coefficient * scale).min(Spectrum::splat(1e30));
         if contents.variation.is_some() && object.plugin == "homogeneous" {
-            context.warn(object.at, "the medium is called homogeneous, but varies in space: it is painted as it is");
+            context.warn(
+                object.at,
+                "the medium is called homogeneous, but varies in space: it is rendered as one that varies",
+            );
         }
         let g = asymmetry(context, object)?;
         let medium = Medium {
@@ -120,7 +123,7 @@ fn coefficients(
     };
     let grid_from_world = *place;
     if matches!(&absorption, MediumField::Grid(_, place) if *place != grid_from_world) {
-        context.warn(object.at, "`sigma_a` is taken to fill the same box as `sigma_s`");
+        context.warn(object.at, "`sigma_a` is assumed to fill the same box as `sigma_s`");
     }
     let ((scattering, scattering_grid), (absorption, absorption_grid)) =
         (scattering.into_factor_and_grid(), absorption.into_factor_and_grid());
@@ -143,7 +146,7 @@ fn extinction_and_albedo(
     is_boxed: bool,
 ) -> ImportResult<MediumContents> {
     if let Some(name) = object.string("material")? {
-        let message = format!("the substance `{}` is not known; a gray fog stands for it", shortened(name));
+        let message = format!("the substance `{}` is unknown; a gray fog replaces it", shortened(name));
         context.warn(object.at, message);
     }
     let extinction = field(context, textures, object, density, ColorRole::Unbounded, Spectrum::ONE)?;
@@ -162,7 +165,7 @@ fn extinction_and_albedo(
         }
         MediumField::Constant(extinction) => {
             if matches!(albedo, MediumField::Grid(..)) {
-                context.warn(object.at, "the albedo varies in space, but the extinction does not: its mean is taken");
+                context.warn(object.at, "the albedo varies in space, but the extinction does not: its mean is used");
             }
             return Ok(of(extinction, None));
         }
@@ -171,7 +174,7 @@ fn extinction_and_albedo(
         MediumField::Constant(_) => Density::Both(grid),
         MediumField::Grid(albedo, place) => {
             if place != grid_from_world {
-                context.warn(object.at, "the albedo is taken to fill the same box as the extinction");
+                context.warn(object.at, "the albedo is assumed to fill the same box as the extinction");
             }
             Density::WithAlbedo { extinction: grid, albedo }
         }
@@ -198,7 +201,7 @@ fn field(
         "gridvolume" => grid_volume(context, volume),
         _ => {
             volume.accept_all();
-            let message = format!("the {} is not supported; a default stands for it", volume.describe());
+            let message = format!("the {} is not supported; a default replaces it", volume.describe());
             context.warn(volume.at, message);
             Ok(MediumField::Constant(default))
         }
@@ -251,7 +254,7 @@ fn asymmetry(context: &mut ImportContext<'_>, object: &Object) -> ImportResult<f
         "isotropic" => 0.0,
         "hg" => phase.float("g")?.unwrap_or(0.8),
         _ => {
-            let message = format!("the {} is not supported; `isotropic` stands for it", phase.describe());
+            let message = format!("the {} is not supported; `isotropic` replaces it", phase.describe());
             context.warn(phase.at, message);
             phase.accept_all();
             0.0

@@ -60,7 +60,8 @@ pub(super) fn read(context: &mut ImportContext<'_>, object: &Object) -> ImportRe
         }
         _ => {
             let index = object.integer("shape_index")?.unwrap_or(0);
-            let index = u32::try_from(index).map_err(|_| object.at.fault("`shape_index` is no index of a shape"))?;
+            let index =
+                u32::try_from(index).map_err(|_| object.at.fault("`shape_index` is not the index of a shape"))?;
             serialized::read(path, &bytes, index, budget)
         }
     };

@@ -48,7 +48,7 @@ use document::{Class, Document};
 use emitter::Emitters;
 use glam::DMat4;
 use integrator::read_integrator;
-use looks::Looks;
+use looks::SceneLooks;
 use report::ImportReport;
 use sensor::read_sensor;
 use shape::Shapes;
@@ -58,7 +58,7 @@ use crate::error::{SceneError, Warnings};
 use crate::hints::{Metadata, RenderHints};
 use crate::image::pictures::Pictures;
 use crate::import::projector::{Slide, add_slides};
-use crate::import::request::{ImportRequest, Imported};
+use crate::import::request::{ImportOutput, ImportRequest};
 use crate::import::text_place::ImportResult;
 use crate::model::Scene;
 
@@ -71,7 +71,7 @@ pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
 }
 
 /// A converted scene whose pictures are not loaded yet.
-struct Converted<'a> {
+struct ConvertedScene<'a> {
     /// The scene without its pictures.
     scene: Scene,
     pictures: Pictures<'a>,
@@ -81,14 +81,14 @@ struct Converted<'a> {
 }
 
 /// Imports a file. The scene may lack lights and cameras.
-pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
+pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<ImportOutput, SceneError> {
     let &ImportRequest { path, file, options, origin, resources } = request;
     let mut report = ImportReport::new(path);
     let document = Document::read(file, options, resources, &mut report).map_err(|error| report.files.error(error))?;
     let pictures = Pictures::new(resources, options).with_white_point(WhitePoint::Absolute);
     let mut context = ImportContext::new(&document, resources, origin, report);
     let converted = convert(&mut context, pictures).map_err(|error| context.report.files.error(error))?;
-    let Converted { pictures, mut scene, slides, hints } = converted;
+    let ConvertedScene { pictures, mut scene, slides, hints } = converted;
     context.report.finish(warnings);
     scene.images = pictures.load(warnings)?.into();
     add_slides(&mut scene, &slides, resources.budget(), path)?;
@@ -101,8 +101,8 @@ pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Re
 }
 
 /// Converts the objects at the top of a document, with all that they refer to.
-fn convert<'a>(context: &mut ImportContext<'_>, pictures: Pictures<'a>) -> ImportResult<Converted<'a>> {
-    let mut looks = Looks::new(MitsubaTextures::new(pictures));
+fn convert<'a>(context: &mut ImportContext<'_>, pictures: Pictures<'a>) -> ImportResult<ConvertedScene<'a>> {
+    let mut looks = SceneLooks::new(MitsubaTextures::new(pictures));
     let mut shapes = Shapes::new(context);
     let mut emitters = Emitters::default();
     let (mut cameras, mut shutters) = (Vec::new(), Vec::new());
@@ -124,7 +124,7 @@ fn convert<'a>(context: &mut ImportContext<'_>, pictures: Pictures<'a>) -> Impor
             // Converted where they are referred to.
             Class::Bsdf | Class::Texture | Class::Medium | Class::Phase | Class::Volume => {}
             Class::Film | Class::Filter | Class::Sampler | Class::Other => {
-                context.warn(object.at, format!("the {} belongs nowhere and is left out", object.describe()));
+                context.warn(object.at, format!("the {} is out of place and is left out", object.describe()));
             }
         }
     }
@@ -150,5 +150,5 @@ fn convert<'a>(context: &mut ImportContext<'_>, pictures: Pictures<'a>) -> Impor
     }
     effects.unwrap_or_default().apply(context, &mut scene);
     context.report_unused();
-    Ok(Converted { pictures: looks.textures.pictures, scene, slides, hints })
+    Ok(ConvertedScene { pictures: looks.textures.pictures, scene, slides, hints })
 }

@@ -1,19 +1,19 @@
 //! Mitsuba parameters that have no effect here.
 
 use super::document::Class;
-use crate::needless::{Needless, Reason};
+use crate::needless::{NeedlessParameters, Reason};
 
 const fn row(
     kind: Class,
     of: &'static [&'static str],
     names: &'static [&'static str],
     reason: Reason,
-) -> Needless<Class> {
-    Needless { kind, of, names, reason }
+) -> NeedlessParameters<Class> {
+    NeedlessParameters { kind, of, names, reason }
 }
 
 /// The table by class, plugins and names, in snake case.
-pub(super) const NEEDLESS: &[Needless<Class>] = &[
+pub(super) const NEEDLESS: &[NeedlessParameters<Class>] = &[
     row(Class::Sampler, &[], &[], Reason::Estimate),
     row(Class::Sensor, &[], &["srf"], Reason::Spectra),
     row(

@@ -69,7 +69,7 @@ impl Document {
         for property in &scene.properties {
             reader
                 .report
-                .warn(property.at, format!("`{}` of the scene itself means nothing", shortened(&property.name)));
+                .warn(property.at, format!("`{}` of the scene itself has no meaning", shortened(&property.name)));
         }
         let DocumentReader { objects, search_folders, is_old, .. } = reader;
         check_cycles(&objects)?;
@@ -208,7 +208,7 @@ impl DocumentReader<'_, '_> {
         };
         match value {
             Ok(Value::Unknown) => {
-                self.report.warn(at, format!("<{}> is not known and left out", shortened(&element.name)));
+                self.report.warn(at, format!("<{}> is unknown and left out", shortened(&element.name)));
                 return Ok(());
             }
             Ok(value) => {
@@ -362,7 +362,7 @@ impl DocumentReader<'_, '_> {
         for (alias, id, at) in std::mem::take(&mut self.aliases) {
             let Some(&target) = self.ids.get(&id) else { return Err(Self::no_such_id(&id, at).into()) };
             if self.ids.insert(alias.clone(), target).is_some() {
-                return Err(at.fault(format!("the id `{}` is already taken", shortened(&alias))).into());
+                return Err(at.fault(format!("the id `{}` is used twice", shortened(&alias))).into());
             }
         }
         for (owner, child, id, at) in std::mem::take(&mut self.references) {

@@ -335,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_surface_has_no_triangles() {
+    fn a_grid_without_a_surface_has_no_triangles() {
         assert!(SdfGrid::new([1, 2, 2], vec![0.0; 4]).is_err());
         let grid = SdfGrid::new([2; 3], vec![1.0; 8]).unwrap();
         assert_eq!(mesh_of(&grid, SdfNormals::Smooth).triangles.len(), 0);

@@ -5,7 +5,7 @@ use glam::{DAffine3, DMat4, Vec2};
 use super::context::ImportContext;
 use super::document::{Class, Object, ObjectId};
 use super::fov::{fov, fov_axis, vertical_fov};
-use super::looks::Looks;
+use super::looks::SceneLooks;
 use super::orientation::{looking, standing};
 use crate::camera::{Camera, Clip, FovAxis, Projection};
 use crate::hints::{FilmFilter, RenderHints};
@@ -19,7 +19,7 @@ const FILM: [u32; 2] = [768, 576];
 /// Returns the camera of a sensor, and when it is open. The first film and sampler give the render hints.
 pub(super) fn read_sensor(
     context: &mut ImportContext<'_>,
-    looks: &mut Looks<'_>,
+    looks: &mut SceneLooks<'_>,
     hints: &mut RenderHints,
     id: ObjectId,
 ) -> ImportResult<(Camera, Shutter)> {
@@ -70,7 +70,7 @@ pub(super) fn read_sensor(
         }
         _ => {
             clip(object, &mut camera, 1.0)?;
-            let message = format!("the {} is not supported; `perspective` stands for it", object.describe());
+            let message = format!("the {} is not supported; `perspective` replaces it", object.describe());
             context.warn(object.at, message);
             object.accept_all();
         }
@@ -210,7 +210,7 @@ fn read_filter(context: &mut ImportContext<'_>, id: ObjectId) -> ImportResult<Fi
         }
         "catmullrom" => FilmFilter::Mitchell { radius: 2.0, b: 0.0, c: 0.5 },
         _ => {
-            let message = format!("the {} is not supported; `catmullrom` stands for it", object.describe());
+            let message = format!("the {} is not supported; `catmullrom` replaces it", object.describe());
             context.warn(object.at, message);
             object.accept_all();
             FilmFilter::Mitchell { radius: 2.0, b: 0.0, c: 0.5 }
@@ -223,7 +223,7 @@ fn mitchell_parameter(context: &mut ImportContext<'_>, object: &Object, name: &s
     let given = object.float(name)?.unwrap_or(1.0 / 3.0);
     let number = given.clamp(0.0, 1.0);
     if number != given {
-        context.warn(object.at, format!("`{name}` of a filter is from 0 to 1: {number} stands for {given}"));
+        context.warn(object.at, format!("`{name}` of a filter is from 0 to 1: {number} replaces {given}"));
     }
     Ok(number as f32)
 }

@@ -8,7 +8,7 @@ use super::attribute::with_attributes;
 use super::context::ImportContext;
 use super::curve;
 use super::document::{Class, Object, ObjectId};
-use super::looks::Looks;
+use super::looks::SceneLooks;
 use super::mesh::{self, Normals, cofactors, with_face_colors, with_vertex_colors};
 use super::placement::{Transform, polar};
 use super::sdf::{self, SdfGrid, SdfNormals};
@@ -67,7 +67,7 @@ impl Shapes {
     pub(super) fn add(
         &mut self,
         context: &mut ImportContext<'_>,
-        looks: &mut Looks<'_>,
+        looks: &mut SceneLooks<'_>,
         id: ObjectId,
         to_world: DMat4,
     ) -> ImportResult<()> {
@@ -96,7 +96,7 @@ impl Shapes {
     fn add_moving(
         &mut self,
         context: &mut ImportContext<'_>,
-        looks: &mut Looks<'_>,
+        looks: &mut SceneLooks<'_>,
         id: ObjectId,
         path: &TransformPath,
     ) -> ImportResult<()> {
@@ -126,7 +126,7 @@ impl Shapes {
     fn parts(
         &mut self,
         context: &mut ImportContext<'_>,
-        looks: &mut Looks<'_>,
+        looks: &mut SceneLooks<'_>,
         id: ObjectId,
         to_group: DMat4,
     ) -> ImportResult<Vec<GroupPart>> {
@@ -196,7 +196,7 @@ impl Shapes {
     fn shared_mesh(
         &mut self,
         context: &mut ImportContext<'_>,
-        looks: &mut Looks<'_>,
+        looks: &mut SceneLooks<'_>,
         object: &Object,
     ) -> ImportResult<Option<u32>> {
         let Some(key) = mesh_key(object).filter(|key| self.shared.contains_key(key)) else { return Ok(None) };
@@ -242,7 +242,7 @@ impl Shapes {
         let mut motion = path.motion(DAffine3::as_affine3a);
         context.take(at, size_of::<Instance>() + size_of_val(&*motion))?;
         if motion.iter().any(|key| !self.placed.is_placeable(&self.scene, mesh, &key.transform)) {
-            context.warn(at, "a moving shape becomes flat, mirrored or too large, so it stands where it starts");
+            context.warn(at, "a moving shape becomes flat, mirrored or too large, so it stays where it starts");
             motion.clear();
         }
         let world_from_object = path.first().as_affine3a();
@@ -255,7 +255,12 @@ impl Shapes {
     }
 
     /// Makes the meshes of a group once.
-    fn load_group(&mut self, context: &mut ImportContext<'_>, looks: &mut Looks<'_>, id: ObjectId) -> ImportResult<()> {
+    fn load_group(
+        &mut self,
+        context: &mut ImportContext<'_>,
+        looks: &mut SceneLooks<'_>,
+        id: ObjectId,
+    ) -> ImportResult<()> {
         if self.groups.contains_key(&id) {
             return Ok(());
         }
@@ -300,7 +305,7 @@ impl Shapes {
     fn add_instance(
         &mut self,
         context: &mut ImportContext<'_>,
-        looks: &mut Looks<'_>,
+        looks: &mut SceneLooks<'_>,
         id: ObjectId,
         path: &TransformPath,
     ) -> ImportResult<()> {
@@ -327,7 +332,7 @@ impl Shapes {
     fn add_ball(
         &mut self,
         context: &mut ImportContext<'_>,
-        looks: &mut Looks<'_>,
+        looks: &mut SceneLooks<'_>,
         ball: Ball,
         at: TextPlace,
     ) -> ImportResult<()> {
@@ -338,7 +343,7 @@ impl Shapes {
     fn add_ball_on(
         &mut self,
         context: &mut ImportContext<'_>,
-        looks: &mut Looks<'_>,
+        looks: &mut SceneLooks<'_>,
         ball: Ball,
         outer: &TransformPath,
         at: TextPlace,
@@ -393,7 +398,7 @@ fn distance_grid(context: &ImportContext<'_>, object: &Object) -> ImportResult<M
 /// Finishes a mesh: sets its material and transforms it.
 pub(super) fn finish(
     context: &mut ImportContext<'_>,
-    looks: &mut Looks<'_>,
+    looks: &mut SceneLooks<'_>,
     object: &Object,
     mut mesh: Mesh,
     matrix: DMat4,
@@ -430,7 +435,7 @@ pub(super) fn finish(
 
 fn cylinder(
     context: &mut ImportContext<'_>,
-    looks: &mut Looks<'_>,
+    looks: &mut SceneLooks<'_>,
     object: &Object,
     to_group: DMat4,
     own: &Transform,
@@ -457,7 +462,7 @@ fn cylinder(
 
 fn sphere(
     context: &mut ImportContext<'_>,
-    looks: &mut Looks<'_>,
+    looks: &mut SceneLooks<'_>,
     object: &Object,
     to_group: DMat4,
     own: &Transform,

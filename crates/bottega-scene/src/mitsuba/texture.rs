@@ -92,7 +92,7 @@ impl<'a> MitsubaTextures<'a> {
         if color.texture.is_some()
             && let Some(child) = object.child(name)
         {
-            context.warn(child.at, format!("`{name}` cannot be a texture here; 0.5 stands for it"));
+            context.warn(child.at, format!("`{name}` cannot be a texture here; 0.5 replaces it"));
             return Ok(color.factor * 0.5);
         }
         Ok(color.factor)
@@ -113,7 +113,7 @@ impl<'a> MitsubaTextures<'a> {
                 _ => f64::from(luminance(property_color(context, property, ColorRole::Unbounded)?)),
             };
             if number < 0.0 {
-                context.warn(property.at, format!("`{name}` is below 0; 0 stands for it"));
+                context.warn(property.at, format!("`{name}` is below 0; 0 replaces it"));
             }
             return Ok((number.max(0.0) as f32).into());
         }
@@ -176,7 +176,7 @@ impl<'a> MitsubaTextures<'a> {
             }
             _ => {
                 object.accept_all();
-                let message = format!("the {} is not supported; 0.5 stands for it", object.describe());
+                let message = format!("the {} is not supported; 0.5 replaces it", object.describe());
                 context.warn(object.at, message);
                 Ok(Spectrum::splat(0.5).into())
             }
@@ -209,7 +209,7 @@ impl<'a> MitsubaTextures<'a> {
             context.warn(object.at, "the colours of all channels are shown, and not that of `channel`");
         }
         if gamma.is_some_and(|gamma| gamma != 1.0 && gamma != -1.0) {
-            context.warn(object.at, "the codes of a picture are linear or sRGB: sRGB stands for another `gamma`");
+            context.warn(object.at, "the codes of a picture are linear or sRGB: sRGB replaces another `gamma`");
         }
         let gray = wanted == TextureUse::Number && channel.is_none();
         let place = context.place(object.at);
@@ -257,7 +257,7 @@ fn map(context: &mut ImportContext<'_>, object: &Object, image: ImageId) -> Impo
             "mirror" => Wrap::Mirror,
             "clamp" => Wrap::Clamp,
             other => {
-                let message = format!("`{name}` cannot be `{}`; `clamp` stands for it", shortened(other));
+                let message = format!("`{name}` cannot be `{}`; `clamp` replaces it", shortened(other));
                 context.warn(object.at, message);
                 Wrap::Clamp
             }

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 
 use super::placement::Transform;
 use super::xml::XmlElement;
-use crate::spectrum::sampled::{Sampled, SpectrumError};
+use crate::spectrum::sampled::{SampledSpectrum, SpectrumError};
 use crate::text::shortened;
 
 /// The value of a property.
@@ -22,7 +22,7 @@ pub(super) enum Value {
     Rgb(Vec3),
     /// A constant spectrum.
     Uniform(f64),
-    Spectrum(Sampled),
+    Spectrum(SampledSpectrum),
     /// The name of a spectrum file.
     SpectrumFile(String),
     /// An unknown tag.
@@ -34,21 +34,21 @@ pub(super) enum Value {
 pub(super) enum ValueError {
     #[error("<{}> has no `{attribute}`", shortened(tag))]
     NoAttribute { tag: String, attribute: &'static str },
-    #[error("`{}` is no number", shortened(.0))]
+    #[error("`{}` is not a number", shortened(.0))]
     NotNumber(String),
-    #[error("`{}` is no whole number", shortened(.0))]
+    #[error("`{}` is not a whole number", shortened(.0))]
     NotInteger(String),
     #[error("`{}` is neither true nor false", shortened(.0))]
     NotBoolean(String),
     #[error("`{}` has {count} numbers, not 3", shortened(text))]
     NotTriple { text: String, count: usize },
-    #[error("`{}` is no colour", shortened(.0))]
+    #[error("`{}` is not a colour", shortened(.0))]
     NotColor(String),
     #[error("no body glows at {kelvin} K")]
     NoBlackBody { kelvin: f64 },
     #[error("<spectrum> has neither `value` nor `filename`")]
     EmptySpectrum,
-    #[error("a spectrum of {count} values says nothing of their wavelengths")]
+    #[error("a spectrum of {count} values does not name its wavelengths")]
     NoWavelengths { count: usize },
     #[error("`{}` is no `nm:value`", shortened(.0))]
     NotSpectrumPair(String),
@@ -60,7 +60,7 @@ pub(super) enum ValueError {
     LooksAtOrigin,
     #[error("a matrix has 16 numbers (or 9), not {count}")]
     MatrixSize { count: usize },
-    #[error("<{}> is no operation of a transformation", shortened(.0))]
+    #[error("<{}> is not an operation of a transformation", shortened(.0))]
     NotOperation(String),
     #[error("the transformation grows without limit")]
     NotFinite,
@@ -105,7 +105,7 @@ pub(super) fn read(element: &XmlElement) -> Result<Value, ValueError> {
                 return Err(ValueError::NoBlackBody { kelvin });
             }
             let scale = element.attribute("scale").map_or(Ok(1.0), number)?;
-            Value::Spectrum(Sampled::blackbody(kelvin).scaled(scale))
+            Value::Spectrum(SampledSpectrum::blackbody(kelvin).scaled(scale))
         }
         _ => Value::Unknown,
     })
@@ -193,5 +193,5 @@ fn spectrum(element: &XmlElement) -> Result<Value, ValueError> {
         let (nm, value) = pair.split_once(':').ok_or_else(|| ValueError::NotSpectrumPair(pair.into()))?;
         Ok((number(nm)?, number(value)?))
     };
-    Ok(Value::Spectrum(Sampled::new(pairs.map(pair).collect::<Result<_, ValueError>>()?)?))
+    Ok(Value::Spectrum(SampledSpectrum::new(pairs.map(pair).collect::<Result<_, ValueError>>()?)?))
 }

@@ -15,13 +15,13 @@ pub(super) enum VolumeError {
     NotVolume,
     #[error("it ends at byte {length}, within its header of {HEADER_BYTES}")]
     InHeader { length: usize },
-    #[error("its values are no floats, but of kind {kind} (byte 4)")]
+    #[error("its values are not floats, but of kind {kind} (byte 4)")]
     NotFloats { kind: i32 },
     #[error("it announces {channels} channels (byte 20), and not 1 or 3")]
     Channels { channels: i32 },
     #[error("its {length} bytes cannot hold the {x} × {y} × {z} cells that it announces (byte 8)", x = size[0], y = size[1], z = size[2])]
     TooShort { length: usize, size: [i32; 3] },
-    #[error("the value at byte {byte} is no finite number up to {VALUE_MAX:e}")]
+    #[error("the value at byte {byte} is not a finite number up to {VALUE_MAX:e}")]
     NotNumber { byte: usize },
     #[error(transparent)]
     Grid(#[from] GridError),

@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_xml_is_an_error_with_its_place() {
+    fn wrong_xml_is_an_error_with_its_place() {
         for (text, place) in [
             ("<scene>\n<shape></scene>", "2:"),
             ("<scene>\n  <float name=\"a\" name=\"b\"/></scene>", "2:3"),

@@ -19,7 +19,7 @@ const SIDE_MAX: f32 = 4096.0;
 const CELL_TEXELS: f32 = 64.0;
 
 /// A picture to bake from a texture.
-pub(super) struct Bake {
+pub(super) struct BakedTexture {
     node: Rc<TextureNode>,
     is_scalar: bool,
     /// Final transformation of every colour.
@@ -39,7 +39,7 @@ enum BakeLayout {
     Square(f32),
 }
 
-impl Bake {
+impl BakedTexture {
     /// Plans the picture of a texture tree.
     pub(super) fn new(
         node: Rc<TextureNode>,

@@ -140,7 +140,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
             && self.scene.leave_out_media()
             && let Some(integrator) = &self.world.integrator
         {
-            let message = format!("the integrator \"{}\" knows no media: they are left out", integrator.kind);
+            let message = format!("the integrator \"{}\" does not support media: they are left out", integrator.kind);
             self.context.warn(integrator.at, message);
         }
         self.finish(lights).map(|scene| (scene, hints))
@@ -467,11 +467,11 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         }
         let is_empty = self.scene.meshes[mesh as usize].positions.is_empty();
         if !is_empty && !self.placed.is_placeable(&self.scene, mesh, &world_from_object) {
-            return Err(at.fault("the shape is out of reach, or scaled beyond what can be computed with").into());
+            return Err(at.fault("the shape is out of reach, or scaled too much").into());
         }
         self.context.take(at, size_of_val(&*motion))?;
         if motion.iter().any(|key| !self.placed.is_placeable(&self.scene, mesh, &key.transform)) {
-            let problem = "the moving shape becomes flat, mirrored or too large, so it stands where it starts";
+            let problem = "the moving shape becomes flat, mirrored or too large, so it stays where it starts";
             self.context.unsupported(at, problem);
             motion.clear();
         }
@@ -481,7 +481,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
 
     /// Places a mesh that its transformation flattens, as a mesh of its own.
     fn place_flattened(&mut self, mesh: u32, world_from_mesh: &DAffine3, at: TextPlace) -> ImportResult<()> {
-        self.context.warn(at, "the transformation in force here makes the shape flat; it is taken without its normals");
+        self.context.warn(at, "the transformation in force here makes the shape flat; it is used without its normals");
         let original = &self.scene.meshes[mesh as usize];
         self.context.take(at, original.memory_bytes())?;
         let mut flat = original.clone();

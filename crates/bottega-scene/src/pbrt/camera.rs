@@ -67,7 +67,7 @@ impl PbrtWorld {
         let flip = if sees_all_around { DVec3::ONE } else { DVec3::new(half.x.signum(), half.y.signum(), 1.0) };
         let half = half.abs();
         if sees_all_around && scale.max_element() > scale.min_element() * 1.001 {
-            context.unsupported(at, "the scales of the camera are taken as if they were equal");
+            context.unsupported(at, "the scales of the camera are treated as equal");
         }
         if half.min_element().is_nan() || half.min_element() <= 0.0 {
             return Err(at.fault("the screen window of the camera is empty").into());

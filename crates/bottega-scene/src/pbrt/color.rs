@@ -10,14 +10,14 @@ use crate::spectrum::color_space::ColorSpace;
 use crate::spectrum::file::read_spd;
 use crate::spectrum::named;
 use crate::spectrum::role::ColorRole;
-use crate::spectrum::sampled::Sampled;
+use crate::spectrum::sampled::SampledSpectrum;
 use crate::text::shortened;
 
 /// The colour of a parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Color {
     Rgb(DVec3, ColorSpace),
-    Samples(Sampled),
+    Samples(SampledSpectrum),
     /// Colour of an illuminant, with luminance 1.
     Illuminant(Spectrum),
 }
@@ -51,7 +51,7 @@ impl Context<'_> {
             ("blackbody", Values::Numbers(numbers)) => {
                 // pbrt-v3 has a scale as second number, which is unsupported.
                 let &[kelvin] = numbers.as_slice() else { return Err(count(numbers.len()).into()) };
-                let radiation = Sampled::blackbody(kelvin);
+                let radiation = SampledSpectrum::blackbody(kelvin);
                 let peak = (360..=830).map(|nm| radiation.at(f64::from(nm))).fold(0.0, f64::max);
                 if peak <= 0.0 {
                     return Err(at.fault(format!("a black body of {kelvin} K is dark")).into());
@@ -61,13 +61,13 @@ impl Context<'_> {
             (_, Values::Numbers(numbers)) => {
                 let (pairs, rest) = numbers.as_chunks::<2>();
                 if !rest.is_empty() {
-                    return Err(at.fault(format!("`{name}` is no list of pairs of wavelength and value")).into());
+                    return Err(at.fault(format!("`{name}` is not a list of pairs of wavelength and value")).into());
                 }
                 if pairs.iter().any(|[_, value]| *value < 0.0) {
                     return Err(at.fault(format!("the spectrum `{name}` has a negative value")).into());
                 }
                 let pairs = pairs.iter().map(|&[nm, value]| (nm, value)).collect();
-                Color::Samples(Sampled::new(pairs).map_err(|problem| at.fault(format!("`{name}`: {problem}")))?)
+                Color::Samples(SampledSpectrum::new(pairs).map_err(|problem| at.fault(format!("`{name}`: {problem}")))?)
             }
             (_, Values::Texts(texts)) => match texts.as_slice() {
                 [text] => self.named_spectrum(text, at)?,
@@ -93,7 +93,7 @@ impl Context<'_> {
         if name.starts_with("glass-")
             && let Some(eta) = named::glass(name)
         {
-            return Ok(Color::Samples(Sampled::constant(f64::from(eta))));
+            return Ok(Color::Samples(SampledSpectrum::constant(f64::from(eta))));
         }
         if name.starts_with("stdillum-")
             && let Some(color) = named::illuminant(name)

@@ -77,7 +77,7 @@ impl<'a> Context<'a> {
     pub(super) fn report_unused(&mut self, directive: Directive, kind: &str, params: &Params) {
         let is_needless = |name: &str| NEEDLESS.iter().any(|row| row.covers(&directive, kind, name));
         for param in params.unused().filter(|param| !is_needless(&param.name)) {
-            let message = format!("the parameter \"{} {}\" is not known here", param.kind, shortened(&param.name));
+            let message = format!("the parameter \"{} {}\" is unknown here", param.kind, shortened(&param.name));
             self.unsupported(param.at, message);
         }
     }

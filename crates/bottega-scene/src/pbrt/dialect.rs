@@ -73,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn options_that_change_nothing_here_are_not_told() {
+    fn options_without_effect_are_not_reported() {
         let on = Token::Word("true".into());
         assert!(!option_matters("seed", &Token::Word("7".into())));
         assert!(option_matters("disablePixelJitter", &on));

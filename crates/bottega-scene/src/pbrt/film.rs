@@ -8,7 +8,7 @@ use super::world::{Entity, PbrtWorld};
 use crate::color::Spectrum;
 use crate::hints::{FilmFilter, RenderHints};
 use crate::import::text_place::{ImportResult, TextPlace};
-use crate::integrator::{Follows, IntegratorHint, PhotonHints};
+use crate::integrator::{IntegratorHint, PhotonHints, TransportPaths};
 use crate::spectrum::color_space::{ColorSpace, white_balance};
 use crate::text::shortened;
 
@@ -104,15 +104,17 @@ impl PbrtWorld {
             "rgb" => {}
             "gbuffer" => {
                 params.mark_reported(&["coordinatesystem"]);
-                let message = "the film \"gbuffer\" is written without its layers: `--layers` asks for some of them";
+                let message = "the film \"gbuffer\" is written without its layers: request them with `--layers`";
                 context.unsupported(film.at, message);
             }
             "spectral" => {
                 params.mark_reported(&["nbuckets", "lambdamin", "lambdamax"]);
                 context.unsupported(film.at, "the film \"spectral\" is an RGB film: its buckets are left out");
             }
-            kind => context
-                .unsupported(film.at, format!("the film \"{}\" is not known; it is an RGB film", shortened(kind))),
+            kind => context.unsupported(
+                film.at,
+                format!("the film \"{}\" is unknown; it is read as an RGB film", shortened(kind)),
+            ),
         }
         if params.color_space() != ColorSpace::Srgb {
             context.warn(film.at, "the picture is written in linear Rec. 709, not in the colour space of the film");
@@ -178,7 +180,7 @@ impl PbrtWorld {
         };
         context.report_unused(Directive::Sampler, &sampler.kind, params);
         u32::try_from(samples).ok().filter(|&samples| samples > 0).ok_or_else(|| {
-            let problem = format!("{samples} samples of a pixel are no number to paint with");
+            let problem = format!("{samples} samples per pixel: at least 1 is needed");
             params.place_of("pixelsamples").fault(problem).into()
         })
     }
@@ -193,14 +195,14 @@ impl PbrtWorld {
             kind if follows(kind).is_some() => {}
             "ao" | "function" => {
                 let message = format!(
-                    "the integrator \"{}\" is not painted with; light is followed along paths",
+                    "the integrator \"{}\" is not supported; paths are traced from the camera",
                     integrator.kind
                 );
                 context.unsupported(integrator.at, message);
             }
             kind => {
                 let message =
-                    format!("the integrator \"{}\" is not known; light is followed along paths", shortened(kind));
+                    format!("the integrator \"{}\" is unknown; paths are traced from the camera", shortened(kind));
                 context.unsupported(integrator.at, message);
             }
         }
@@ -235,7 +237,7 @@ impl PbrtWorld {
     ) -> ImportResult<Option<IntegratorHint>> {
         let Some(integrator) = &self.integrator else { return Ok(None) };
         let Some(mut follows) = follows(&integrator.kind) else { return Ok(None) };
-        if let Follows::Photons(hints) = &mut follows {
+        if let TransportPaths::Photons(hints) = &mut follows {
             let params = &integrator.params;
             // By default there are as many photons as pixels.
             let [width, height] = crop.map_or(resolution, |[_, _, width, height]| [width, height]);
@@ -310,12 +312,12 @@ impl PbrtWorld {
 }
 
 /// Returns the transport paths of an integrator; `None` if it is not light transport, or unknown.
-fn follows(kind: &str) -> Option<Follows> {
+fn follows(kind: &str) -> Option<TransportPaths> {
     Some(match kind {
-        "path" | "volpath" => Follows::Paths { is_ours: true },
-        "simplepath" | "simplevolpath" | "randomwalk" => Follows::Paths { is_ours: false },
-        "bdpt" | "mlt" | "lightpath" => Follows::BothEnds,
-        "sppm" => Follows::Photons(PhotonHints::default()),
+        "path" | "volpath" => TransportPaths::Paths { is_ours: true },
+        "simplepath" | "simplevolpath" | "randomwalk" => TransportPaths::Paths { is_ours: false },
+        "bdpt" | "mlt" | "lightpath" => TransportPaths::BothEnds,
+        "sppm" => TransportPaths::Photons(PhotonHints::default()),
         _ => return None,
     })
 }

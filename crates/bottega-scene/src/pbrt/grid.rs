@@ -55,7 +55,9 @@ pub(super) fn colored(entity: &Entity, exposure: Exposure) -> ImportResult<Varia
         let space = params.color_space_of(param);
         let (colors, rest) = numbers.as_chunks::<3>();
         if !rest.is_empty() {
-            return Err(param.at.fault(format!("`{name}` has {} numbers, which is no multiple of 3", numbers.len())));
+            return Err(param
+                .at
+                .fault(format!("`{name}` has {} numbers, which is not a multiple of 3", numbers.len())));
         }
         let rgb = |&[r, g, b]: &[f64; 3]| apply(space.to_rec709(DVec3::new(r, g, b), role)).to_array();
         grid(size, colors.iter().flat_map(rgb).collect(), Blend::LinearFading, param.at).map(Some)
@@ -124,7 +126,7 @@ fn size(params: &Params, at: TextPlace) -> Result<[u32; 3], TextFault> {
 
 fn grid(size: [u32; 3], values: Vec<f32>, blend: Blend, at: TextPlace) -> Result<Grid, TextFault> {
     if let Some(index) = values.iter().position(|value| value.is_nan() || value.abs() > VALUE_MAX) {
-        return Err(at.fault(format!("value {index} of the grid is no finite number up to {VALUE_MAX:e}")));
+        return Err(at.fault(format!("value {index} of the grid is not a finite number up to {VALUE_MAX:e}")));
     }
     Grid::new(size, values, blend).map_err(|problem| at.fault(problem.to_string()))
 }

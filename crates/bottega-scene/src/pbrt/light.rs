@@ -91,7 +91,7 @@ impl Lights {
             "goniometric" => self.goniometric(context, textures, entity, strength)?,
             "projection" => self.projection(context, textures, entity, strength)?,
             kind => {
-                context.unsupported(at, format!("the light \"{}\" is not known, and left out", shortened(kind)));
+                context.unsupported(at, format!("the light \"{}\" is unknown and left out", shortened(kind)));
                 return Ok(());
             }
         };
@@ -119,7 +119,7 @@ impl Lights {
                 let path = entity.path(world, |ctm| *ctm).after(&entity.ctm.inverse());
                 light.motion = path.motion(DAffine3::as_affine3a);
             }
-            _ => context.unsupported(entity.at, "the light at infinity moves; it stays as it is at first"),
+            _ => context.unsupported(entity.at, "the light at infinity moves; it keeps its first pose"),
         }
     }
 
@@ -295,7 +295,7 @@ pub(super) fn emission(
 ) -> ImportResult<Emission> {
     let (params, at) = (&entity.params, entity.at);
     if entity.kind != "diffuse" {
-        let message = format!("the area light \"{}\" is taken for a diffuse one", shortened(&entity.kind));
+        let message = format!("the area light \"{}\" is treated as a diffuse one", shortened(&entity.kind));
         context.unsupported(at, message);
     }
     let mut scale = params.float("scale")?.unwrap_or(1.0);

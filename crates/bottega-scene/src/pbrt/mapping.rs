@@ -80,7 +80,7 @@ impl Mappings {
         match self.set_of(Mapping { kind: space, mapping_from_world }) {
             Some(uv_set) => Ok(PlacedMapping { uv_set, picture_from_uv }),
             None => {
-                let message = "there are too many mappings: here the surface's own coordinates stand for it";
+                let message = "there are too many mappings: here the surface's own coordinates replace it";
                 context.unsupported(place, message);
                 Ok(PlacedMapping { uv_set: 0, picture_from_uv })
             }

@@ -19,7 +19,7 @@ use crate::material::Relief;
 use crate::param::{ColorParam, ScalarParam};
 use crate::spectrum::named::metal_spectra;
 use crate::spectrum::role::ColorRole;
-use crate::spectrum::sampled::Sampled;
+use crate::spectrum::sampled::SampledSpectrum;
 use crate::subsurface::{RadiusMeaning, Substance, Subsurface};
 use crate::surface::{
     Coated, CoatedBase, Conductor, Dielectric, Diffuse, Distribution, Facets, Layered, RoughnessScale, Shadowing,
@@ -204,7 +204,7 @@ fn convert(context: &mut Context<'_>, textures: &mut PbrtTextures<'_, '_>, entit
         kind => {
             context.unsupported(
                 at,
-                format!("the material \"{}\" is not known; a gray matte one stands for it", shortened(kind)),
+                format!("the material \"{}\" is unknown; a gray matte one replaces it", shortened(kind)),
             );
             Surface::matte(Spectrum::splat(0.5))
         }
@@ -240,7 +240,7 @@ fn facets(
 fn index_of_refraction(context: &mut Context<'_>, params: &Params, name: &str, default: f64) -> ImportResult<f32> {
     let eta = match context.color(params, name)? {
         Some(Color::Samples(samples)) => {
-            if samples != Sampled::constant(samples.at(587.6)) {
+            if samples != SampledSpectrum::constant(samples.at(587.6)) {
                 context.unsupported(params.place_of(name), "light of all colours is refracted as yellow is (587.6 nm)");
             }
             samples.at(587.6)
@@ -295,21 +295,21 @@ fn conductor(
 }
 
 /// Returns copper, the default metal.
-fn copper() -> (Sampled, Sampled) {
-    let nothing = || (Sampled::constant(1.0), Sampled::constant(1.0));
+fn copper() -> (SampledSpectrum, SampledSpectrum) {
+    let nothing = || (SampledSpectrum::constant(1.0), SampledSpectrum::constant(1.0));
     metal_spectra("Cu").unwrap_or_else(nothing)
 }
 
 /// Converts a metal to three colours: η as an observer sees it, and k such that the reflection at normal incidence has
 /// the colour of the spectra.
-fn metal_color(eta: &Sampled, k: &Sampled) -> (Spectrum, Spectrum) {
+fn metal_color(eta: &SampledSpectrum, k: &SampledSpectrum) -> (Spectrum, Spectrum) {
     let reflected = |nm: f64| {
         let (eta, k) = (eta.at(nm), k.at(nm));
         ((eta - 1.0).powi(2) + k * k) / ((eta + 1.0).powi(2) + k * k)
     };
     let samples = (0..=94).map(|index| 360.0 + 5.0 * f64::from(index)).map(|nm| (nm, reflected(nm))).collect();
     let eta_color = eta.pbrt_reflectance().as_dvec3();
-    let Ok(samples) = Sampled::new(samples) else { return (eta_color.as_vec3(), k.pbrt_reflectance()) };
+    let Ok(samples) = SampledSpectrum::new(samples) else { return (eta_color.as_vec3(), k.pbrt_reflectance()) };
     let r = samples.pbrt_reflectance().as_dvec3().clamp(DVec3::ZERO, DVec3::splat(0.9999));
     let k_squared = (r * (eta_color + 1.0) * (eta_color + 1.0) - (eta_color - 1.0) * (eta_color - 1.0)) / (1.0 - r);
     (eta_color.as_vec3(), k_squared.max(DVec3::ZERO).powf(0.5).as_vec3())

@@ -47,7 +47,7 @@ use parser::Parser;
 
 use crate::error::{SceneError, Warnings};
 use crate::hints::{Metadata, RenderHints};
-use crate::import::request::{ImportRequest, Imported};
+use crate::import::request::{ImportOutput, ImportRequest};
 use crate::import::text_place::ImportResult;
 use crate::model::Scene;
 
@@ -57,7 +57,7 @@ pub(crate) fn recognizes(path: &Path) -> bool {
 }
 
 /// Imports a file with the contents `file`, read from `path`.
-pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
+pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<ImportOutput, SceneError> {
     let &ImportRequest { path, file, options, origin, resources } = request;
     let mut context = Context::new(path, resources, options, warnings);
     context.origin = origin;

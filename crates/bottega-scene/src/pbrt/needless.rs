@@ -1,6 +1,6 @@
 //! pbrt parameters that have no effect here.
 
-use crate::needless::{Needless, Reason};
+use crate::needless::{NeedlessParameters, Reason};
 
 /// A directive with parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -22,12 +22,12 @@ const fn row(
     of: &'static [&'static str],
     names: &'static [&'static str],
     reason: Reason,
-) -> Needless<Directive> {
-    Needless { kind, of, names, reason }
+) -> NeedlessParameters<Directive> {
+    NeedlessParameters { kind, of, names, reason }
 }
 
 /// The table by directive, types and names.
-pub(super) const NEEDLESS: &[Needless<Directive>] = &[
+pub(super) const NEEDLESS: &[NeedlessParameters<Directive>] = &[
     row(Directive::Film, &[], &["filename", "savefp16"], Reason::Storage),
     row(Directive::Film, &[], &["diagonal"], Reason::Meaningless),
     row(Directive::Sampler, &[], &["seed", "randomization", "jitter"], Reason::Estimate),

@@ -69,7 +69,7 @@ impl Params {
             let Some((Token::Text(declaration), at)) = tokens.next()? else { break };
             let mut words = declaration.split([' ', '\t']).filter(|word| !word.is_empty());
             let (Some(kind), Some(name), None) = (words.next(), words.next(), words.next()) else {
-                let problem = format!("\"{}\" is no parameter: it should be \"type name\"", shortened(&declaration));
+                let problem = format!("\"{}\" is not a parameter: it should be \"type name\"", shortened(&declaration));
                 return Err(at.fault(problem));
             };
             let kind = match kind {
@@ -82,7 +82,7 @@ impl Params {
                 return Err(at.fault(format!("parameters of type \"{kind}\" are those of pbrt-v3; {UPGRADE}")));
             }
             if !KINDS.contains(&kind) {
-                return Err(at.fault(format!("\"{}\" is no type of parameter", shortened(kind))));
+                return Err(at.fault(format!("\"{}\" is not a type of parameter", shortened(kind))));
             }
             let values = read_values(tokens, at, kind)?;
             list.push(Rc::new(Param {
@@ -238,7 +238,7 @@ impl Params {
         let Some((numbers, at)) = self.numbers(name, kind) else { return Ok(None) };
         let (tuples, rest) = numbers.as_chunks::<N>();
         if !rest.is_empty() {
-            return Err(at.fault(format!("`{name}` has {} numbers, which is no multiple of {N}", numbers.len())));
+            return Err(at.fault(format!("`{name}` has {} numbers, which is not a multiple of {N}", numbers.len())));
         }
         Ok(Some(tuples.iter().map(|&tuple| make(tuple)).collect()))
     }
@@ -284,9 +284,9 @@ fn push_value(values: &mut Values, token: &Token<'_>, at: TextPlace, kind: &str)
     let expected = |what: &str| Err(at.fault(format!("a parameter of type \"{kind}\" takes {what}")));
     match (&mut *values, token) {
         (Values::Numbers(numbers), Token::Word(word)) => {
-            let number = number(word).ok_or_else(|| at.fault(format!("`{}` is no number", shortened(word))))?;
+            let number = number(word).ok_or_else(|| at.fault(format!("`{}` is not a number", shortened(word))))?;
             if kind == "integer" && (number.fract() != 0.0 || number.abs() > f64::from(i32::MAX)) {
-                return Err(at.fault(format!("`{}` is no integer of 32 bits", shortened(word))));
+                return Err(at.fault(format!("`{}` is not an integer of 32 bits", shortened(word))));
             }
             numbers.push(number);
         }

@@ -146,7 +146,7 @@ impl<'c, 'a> Parser<'c, 'a> {
                 Ok(())
             }
             "WorldEnd" => {
-                self.context.warn(at, "WorldEnd is of pbrt-v3, and means nothing in pbrt-v4");
+                self.context.warn(at, "WorldEnd is of pbrt-v3, and has no meaning in pbrt-v4");
                 Ok(())
             }
             "Include" | "Import" => self.include(word, at, tokens),
@@ -164,7 +164,7 @@ impl<'c, 'a> Parser<'c, 'a> {
                 match ColorSpace::named(&name) {
                     Some(color_space) => self.state.color_space = color_space,
                     None => {
-                        let message = format!("the colour space \"{}\" is not known", shortened(&name));
+                        let message = format!("the colour space \"{}\" is unknown", shortened(&name));
                         self.context.unsupported(name_at, message);
                     }
                 }
@@ -338,7 +338,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         let place = self.context.place(reference_at);
         let location = self.context.resources.locate(&reference, &place)?;
         if self.context.resources.is_scene(&location) || self.open_files.contains(&location.name) {
-            let problem = format!("`{}` includes itself, directly or by way of others", shortened(&reference));
+            let problem = format!("`{}` includes itself, directly or through others", shortened(&reference));
             return Err(reference_at.fault(problem).into());
         }
         self.include_count += 1;
@@ -437,7 +437,7 @@ impl<'c, 'a> Parser<'c, 'a> {
     }
 
     fn only_in_world(&self, at: TextPlace, word: &str) -> Result<(), TextFault> {
-        if self.in_world { Ok(()) } else { Err(at.fault(format!("{word} belongs behind WorldBegin"))) }
+        if self.in_world { Ok(()) } else { Err(at.fault(format!("{word} belongs after WorldBegin"))) }
     }
 
     fn only_before_world(&self, at: TextPlace, word: &str) -> Result<(), TextFault> {

@@ -82,7 +82,7 @@ pub(super) fn baked(
     match normal_matrix {
         Some(matrix) => mesh.normals.iter_mut().for_each(|normal| *normal = matrix * *normal),
         None => {
-            context.warn(at, "the transformation in force here makes the shape flat; it is taken without its normals");
+            context.warn(at, "the transformation in force here makes the shape flat; it is used without its normals");
             mesh.normals = Vec::new();
         }
     }

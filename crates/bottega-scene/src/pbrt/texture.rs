@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use glam::{Affine2, DVec3, Vec2};
 
-use super::bake::{Bake, scalar_image};
+use super::bake::{BakedTexture, scalar_image};
 use super::color::Color;
 use super::context::Context;
 use super::mapping::{Mappings, within_frame};
@@ -34,7 +34,7 @@ enum Slot {
     Picture(ImageId),
     /// A picture with one number per texel.
     Scalar(ImageId),
-    Baked(Bake),
+    Baked(BakedTexture),
     /// A projected picture, with the angle of its shorter side in degrees.
     Projection(ImageId, f64),
 }
@@ -83,7 +83,8 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
         let Some(color) = context.color(params, name)? else { return Ok(None) };
         let mut color = color.to_rec709(role);
         if role == ColorRole::Reflectance && color.max_element() > 1.0 {
-            context.warn(params.place_of(name), format!("`{name}` reflects more than comes in, and is cut off at 1"));
+            context
+                .warn(params.place_of(name), format!("`{name}` reflects more light than arrives, and is clamped to 1"));
             color = color.min(Spectrum::ONE);
         }
         Ok(Some(color.into()))
@@ -256,7 +257,7 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
         change: Option<fn(DVec3) -> DVec3>,
         at: TextPlace,
     ) -> ImportResult<(DVec3, Option<TextureMap>)> {
-        let bake = Bake::new(node.clone(), is_scalar, change, at);
+        let bake = BakedTexture::new(node.clone(), is_scalar, change, at);
         let sets = bake.uv_sets();
         if sets.len() > 1 {
             context.unsupported(at, "parts of this texture are laid by different mappings; all are laid by the first");
@@ -306,7 +307,7 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
         let mut node = self.node(context, entity, is_float)?;
         self.open.pop();
         if parts(&node) > PARTS_MAX {
-            context.unsupported(entity.at, format!("the texture has more than {PARTS_MAX} parts; gray stands for it"));
+            context.unsupported(entity.at, format!("the texture has more than {PARTS_MAX} parts; gray replaces it"));
             node = TextureNode::Constant(DVec3::splat(0.5));
         }
         context.report_unused(Directive::Texture, &entity.kind, &entity.params);
@@ -440,7 +441,7 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
             ("linear", _) => (Encoding::Linear, None),
             (_, Some(Ok(exponent))) if exponent > 0.0 && exponent < 100.0 => (Encoding::Linear, Some(exponent)),
             _ => {
-                let problem = format!("the encoding \"{}\" is none of sRGB, linear and gamma N", shortened(encoding));
+                let problem = format!("the encoding \"{}\" is not sRGB, linear or gamma N", shortened(encoding));
                 return Err(params.place_of("encoding").fault(problem).into());
             }
         };

@@ -148,9 +148,9 @@ impl<'a> Tokens<'a> {
 mod tests {
     use super::*;
 
-    type Placed<'a> = (Token<'a>, (u32, u32));
+    type LocatedToken<'a> = (Token<'a>, (u32, u32));
 
-    fn all(text: &str) -> Result<Vec<Placed<'_>>, TextFault> {
+    fn all(text: &str) -> Result<Vec<LocatedToken<'_>>, TextFault> {
         let mut tokens = Tokens::new(0, text);
         let mut list = Vec::new();
         while let Some((token, at)) = tokens.next()? {

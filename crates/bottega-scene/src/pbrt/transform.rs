@@ -16,7 +16,7 @@ pub(super) fn from_columns(numbers: &[f64; 16], at: TextPlace) -> Result<DAffine
     let matrix = DMat4::from_cols_array(numbers);
     let w = matrix.row(3);
     if w.truncate() != DVec3::ZERO || w.w == 0.0 {
-        return Err(at.fault("the matrix is no affine transformation: its last row is not 0 0 0 1"));
+        return Err(at.fault("the matrix is not an affine transformation: its last row is not 0 0 0 1"));
     }
     Ok(DAffine3::from_mat4(matrix * (1.0 / w.w)))
 }

@@ -139,7 +139,7 @@ impl<'a> Resources<'a> {
         let first = first.ok_or_else(|| invalid("it names no file"))?;
         for folder in folders.iter().filter(|_| !is_absolute(bare)) {
             if let Some(found) = self.other_spelling(&without_detours(&within(folder, bare))) {
-                let message = format!("there is no `{}`; `{}` is taken", shortened(reference), shortened(&found.name));
+                let message = format!("there is no `{}`; `{}` is used", shortened(reference), shortened(&found.name));
                 self.tell(place, message, false);
                 return Ok(found);
             }
@@ -148,7 +148,7 @@ impl<'a> Resources<'a> {
             Some(found) => {
                 let problem = if first.is_allowed { "is not there" } else { "may not be read" };
                 let (reference, name) = (shortened(reference), shortened(&found.name));
-                self.tell(place, format!("`{reference}` {problem}; `{name}` beside the scene is taken"), true);
+                self.tell(place, format!("`{reference}` {problem}; `{name}` beside the scene is used"), true);
                 Ok(found)
             }
             None => Ok(first),
@@ -254,9 +254,9 @@ impl<'a> Resources<'a> {
             let scene = self.path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
             let place = self.place_of(location);
             if place.is_empty() || place.starts_with(&*scene) {
-                return error.asked_by(if place.is_empty() { &scene } else { &place });
+                return error.requested_by(if place.is_empty() { &scene } else { &place });
             }
-            error.asked_by(&format!("{scene}, {place}"))
+            error.requested_by(&format!("{scene}, {place}"))
         })
     }
 
@@ -363,7 +363,7 @@ mod tests {
     }
 
     /// Returns the warnings, and the number of features that strict mode refuses.
-    fn told(resources: &Resources<'_>) -> (Vec<String>, usize) {
+    fn warnings(resources: &Resources<'_>) -> (Vec<String>, usize) {
         let mut news = std::mem::take(&mut *resources.news.lock().unwrap());
         let strict = news.take_unsupported().len();
         (news.finish().iter().map(ToString::to_string).collect(), strict)
@@ -388,7 +388,7 @@ mod tests {
     }
 
     #[test]
-    fn what_leaves_the_folder_is_refused_unless_allowed() {
+    fn files_outside_the_folder_are_refused_unless_allowed() {
         let folder = folder();
         let absolute = folder.outer.path().join("secret").display().to_string();
         for reference in ["../secret", "sub/../../secret", "..\\secret", &absolute] {
@@ -454,26 +454,26 @@ mod tests {
                     ("sub/a", b"a".to_vec()),
                     "{reference}"
                 );
-                let (told, strict) = told(resources);
-                assert_eq!((told.len(), strict), (1, is_strict), "{reference}: {told:?}");
-                assert!(told[0].starts_with("line 7: ") && told[0].contains("sub/a"), "{told:?}");
+                let (warnings, strict) = warnings(resources);
+                assert_eq!((warnings.len(), strict), (1, is_strict), "{reference}: {warnings:?}");
+                assert!(warnings[0].starts_with("line 7: ") && warnings[0].contains("sub/a"), "{warnings:?}");
             });
         }
         with(&folder, false, |resources| {
             // Quotes around a name are dropped without a warning, unless the file name has them.
             assert_eq!(resources.locate("\"sub/a\"", "").unwrap().name, "sub/a");
             assert_eq!(resources.locate_in(&["x", "sub"], "a", "").unwrap().name, "sub/a");
-            assert!(told(resources).0.is_empty());
+            assert!(warnings(resources).0.is_empty());
         });
     }
 
     #[test]
-    fn what_is_missing_is_asked_for_somewhere() {
+    fn errors_about_missing_files_name_the_line_that_needs_them() {
         with(&folder(), false, |resources| {
             let error = resources.open("sub/b", "line 7").unwrap_err().to_string();
-            assert!(error.contains("sub/b` (asked for by scene.x, line 7)"), "{error}");
+            assert!(error.contains("sub/b` (requested by scene.x, line 7)"), "{error}");
             let error = resources.open("sub", "scene.x:2:3").unwrap_err().to_string();
-            assert!(error.contains("sub` (asked for by scene.x:2:3) is a folder"), "{error}");
+            assert!(error.contains("sub` (requested by scene.x:2:3) is a folder"), "{error}");
         });
     }
 
@@ -492,7 +492,7 @@ mod tests {
                 let remedy = "--asset-root";
                 assert!(matches!(&error, SceneError::ForbiddenReference { place, .. } if place == "line 7"));
                 assert!(error.to_string().contains(remedy), "{error}");
-                assert_eq!(told(resources).1, 1);
+                assert_eq!(warnings(resources).1, 1);
             });
             with_options(&folder, &options, |resources| {
                 assert_eq!(resources.open(reference, "").unwrap(), b"b");

@@ -75,7 +75,7 @@ pub(super) fn read_motion(
 ) -> Result<(), SceneError> {
     scene.shutter = motion.shutter;
     let missing = |blocks: &Blocks<'_>, what: &str, index: u32| {
-        Err(blocks.damaged(format!("{what}[{index}] moves, but is not there")))
+        Err(blocks.damaged(format!("{what}[{index}] moves, but does not exist")))
     };
     for &(index, count) in &motion.instances {
         let Some(instance) = scene.instances.get_mut(index as usize) else {

@@ -16,7 +16,7 @@ use crate::hints::Metadata;
 use crate::image::Image;
 use crate::image::pyramid::Encoding;
 use crate::image::raw::LevelTexels;
-use crate::import::request::{ImportRequest, Imported};
+use crate::import::request::{ImportOutput, ImportRequest};
 use crate::medium::Medium;
 use crate::model::{Instance, Mesh, Scene, Sphere};
 use crate::motion::Shutter;
@@ -30,7 +30,7 @@ pub(crate) fn recognizes(file: &[u8]) -> bool {
 }
 
 /// Reads a file that [`recognizes`] accepts. The scene is not yet validated.
-pub(crate) fn import(request: &ImportRequest<'_>, _: &mut Warnings) -> Result<Imported, SceneError> {
+pub(crate) fn import(request: &ImportRequest<'_>, _: &mut Warnings) -> Result<ImportOutput, SceneError> {
     let &ImportRequest { path, file, resources, .. } = request;
     let (description, rest) = description_of(path, file)?;
     let mut blocks = Blocks::new(path, rest, resources.budget());

@@ -4,7 +4,7 @@ use bottega_image::adaptation;
 use glam::{DMat3, DVec3};
 
 use super::role::ColorRole;
-use super::sampled::Sampled;
+use super::sampled::SampledSpectrum;
 use crate::color::Spectrum;
 
 /// The colour space of `rgb` values.
@@ -84,7 +84,7 @@ pub(crate) fn white_balance(kelvin: f64) -> DMat3 {
 fn illuminant(kelvin: f64) -> (f64, f64) {
     let t = kelvin * 1.4388 / 1.4380;
     if t < 4000.0 {
-        return Sampled::blackbody(t).chromaticity();
+        return SampledSpectrum::blackbody(t).chromaticity();
     }
     let x = if t <= 7000.0 {
         -4.607e9 / (t * t * t) + 2.9678e6 / (t * t) + 0.09911e3 / t + 0.244_063

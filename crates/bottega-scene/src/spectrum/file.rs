@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::sampled::Sampled;
+use super::sampled::SampledSpectrum;
 use crate::budget::MemoryBudget;
 use crate::error::SceneError;
 use crate::text::{column, decode, shortened};
@@ -11,7 +11,7 @@ use crate::text::{column, decode, shortened};
 ///
 /// - `path`: for errors.
 /// - `bytes`: the file.
-pub(crate) fn read_spd(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Sampled, SceneError> {
+pub(crate) fn read_spd(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<SampledSpectrum, SceneError> {
     let text = decode(path, bytes, budget)?.text;
     let mut samples: Vec<(f64, f64)> = Vec::new();
     for (number, line) in text.lines().enumerate() {
@@ -33,7 +33,7 @@ pub(crate) fn read_spd(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Resu
         };
         let (nm, value) = (parse(first)?, parse(second)?);
         if nm <= 0.0 {
-            return Err(invalid(first, format!("{nm} nm is no wavelength")));
+            return Err(invalid(first, format!("{nm} nm is not a wavelength")));
         }
         if value < 0.0 {
             return Err(invalid(second, format!("the value {value} is negative")));
@@ -43,5 +43,6 @@ pub(crate) fn read_spd(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Resu
         }
         samples.push((nm, value));
     }
-    Sampled::new(samples).map_err(|problem| SceneError::Damaged { path: path.into(), problem: problem.to_string() })
+    SampledSpectrum::new(samples)
+        .map_err(|problem| SceneError::Damaged { path: path.into(), problem: problem.to_string() })
 }

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::sampled::{Sampled, rgb};
+use super::sampled::{SampledSpectrum, rgb};
 use crate::color::Spectrum;
 
 /// Returns index of refraction and absorption of a metal, per colour, as in Mitsuba 3's variants `*_rgb`.
@@ -18,7 +18,7 @@ pub(crate) fn metal(name: &str) -> Option<(Spectrum, Spectrum)> {
 }
 
 /// Returns the measured n and k of a metal.
-pub(crate) fn metal_spectra(name: &str) -> Option<(Sampled, Sampled)> {
+pub(crate) fn metal_spectra(name: &str) -> Option<(SampledSpectrum, SampledSpectrum)> {
     let (mut eta, mut k) = (Vec::new(), Vec::new());
     let mut is_found = false;
     for line in include_str!("metals.txt").lines().filter(|line| !line.starts_with('#')) {
@@ -37,7 +37,7 @@ pub(crate) fn metal_spectra(name: &str) -> Option<(Sampled, Sampled)> {
             k.push((nm, absorption));
         }
     }
-    Some((Sampled::new(eta).ok()?, Sampled::new(k).ok()?))
+    Some((SampledSpectrum::new(eta).ok()?, SampledSpectrum::new(k).ok()?))
 }
 
 /// Returns the index of refraction at 587.6 nm (the yellow helium line, n_d) of pbrt-v4's glasses, from

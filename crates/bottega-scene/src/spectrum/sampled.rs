@@ -11,7 +11,7 @@ use crate::color::Spectrum;
 pub(crate) enum SpectrumError {
     #[error("a spectrum needs at least one wavelength and value")]
     Empty,
-    #[error("{nm} nm: {value} is no sample of a spectrum")]
+    #[error("{nm} nm: {value} is not a sample of a spectrum")]
     NotSample { nm: f64, value: f64 },
     #[error("the wavelengths of a spectrum must increase: {nm} nm follows {before} nm")]
     NotIncreasing { before: f64, nm: f64 },
@@ -19,12 +19,12 @@ pub(crate) enum SpectrumError {
 
 /// A spectrum by values at some wavelengths, linearly interpolated.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Sampled {
+pub(crate) struct SampledSpectrum {
     /// Wavelengths in nanometres, strictly increasing, and values; finite, never empty.
     samples: Vec<(f64, f64)>,
 }
 
-impl Sampled {
+impl SampledSpectrum {
     /// Makes a spectrum from wavelengths in nanometres, in increasing order, and values. The error names the invalid
     /// one.
     pub(crate) fn new(samples: Vec<(f64, f64)>) -> Result<Self, SpectrumError> {

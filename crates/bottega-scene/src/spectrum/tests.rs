@@ -6,12 +6,12 @@ use glam::Vec3;
 
 use super::file::read_spd;
 use super::named::{glass, illuminant, metal, mitsuba_ior};
-use super::sampled::{Sampled, planck};
+use super::sampled::{SampledSpectrum, planck};
 use crate::budget::MemoryBudget;
 use crate::color::Spectrum;
 
-fn sampled(samples: &[(f64, f64)]) -> Sampled {
-    Sampled::new(samples.to_vec()).unwrap()
+fn sampled(samples: &[(f64, f64)]) -> SampledSpectrum {
+    SampledSpectrum::new(samples.to_vec()).unwrap()
 }
 
 #[track_caller]
@@ -20,7 +20,7 @@ fn assert_close(color: Spectrum, expected: [f32; 3], tolerance: f32) {
 }
 
 #[test]
-fn spectra_of_mitsuba_become_what_it_makes_of_them() {
+fn spectra_of_mitsuba_have_the_colours_it_computes() {
     let flat = sampled(&[(360.0, 1.0), (830.0, 1.0)]);
     assert_close(flat.mitsuba_reflectance(), [0.998985, 0.998874, 0.998802], 2e-5);
     assert_close(flat.mitsuba_radiance(), [1.20488, 0.948228, 0.909267], 2e-5);
@@ -31,7 +31,7 @@ fn spectra_of_mitsuba_become_what_it_makes_of_them() {
     let green = sampled(&[(500.0, 0.0), (501.0, 1.0), (549.0, 1.0), (550.0, 0.0)]);
     assert_close(green.mitsuba_reflectance(), [0.0, 0.614518, 0.0], 2e-5);
     assert_close(green.scaled(4.0).mitsuba_unbounded(), [0.0, 4.0 * 0.614518, 0.0], 1e-4);
-    assert_close(Sampled::constant(2.5).mitsuba_radiance(), [3.01198, 2.37073, 2.27229], 1e-3);
+    assert_close(SampledSpectrum::constant(2.5).mitsuba_radiance(), [3.01198, 2.37073, 2.27229], 1e-3);
 }
 
 #[test]
@@ -75,22 +75,26 @@ fn lights_of_pbrt_have_luminance_one() {
     let luminance = |color: Spectrum| color.dot(Vec3::new(0.212_671, 0.715_160, 0.072_169));
     for kelvin in [2000.0, 2856.0, 6500.0, 10_000.0] {
         assert!(
-            (luminance(Sampled::blackbody(kelvin).pbrt_illuminant()) - 1.0).abs() < 1e-4
-                || Sampled::blackbody(kelvin).pbrt_illuminant().min_element() == 0.0
+            (luminance(SampledSpectrum::blackbody(kelvin).pbrt_illuminant()) - 1.0).abs() < 1e-4
+                || SampledSpectrum::blackbody(kelvin).pbrt_illuminant().min_element() == 0.0
         );
     }
     // The CIE defines A as a black body of 2856 K (with an older constant of Planck's law: 2855.5).
-    assert_close(Sampled::blackbody(2855.5).pbrt_illuminant(), illuminant("stdillum-A").unwrap().to_array(), 2e-3);
+    assert_close(
+        SampledSpectrum::blackbody(2855.5).pbrt_illuminant(),
+        illuminant("stdillum-A").unwrap().to_array(),
+        2e-3,
+    );
     assert_close(illuminant("D65").unwrap(), [1.0; 3], 2e-3);
     assert!(illuminant("stdillum-F11").is_some() && illuminant("F13").is_none());
     assert_close(sampled(&[(400.0, 7.0), (700.0, 7.0)]).pbrt_illuminant(), [1.2048, 0.9483, 0.9089], 2e-3);
-    assert_eq!(Sampled::blackbody(0.0).pbrt_illuminant(), Spectrum::ZERO);
-    assert_eq!(Sampled::blackbody(f64::NAN).pbrt_illuminant(), Spectrum::ZERO);
+    assert_eq!(SampledSpectrum::blackbody(0.0).pbrt_illuminant(), Spectrum::ZERO);
+    assert_eq!(SampledSpectrum::blackbody(f64::NAN).pbrt_illuminant(), Spectrum::ZERO);
 }
 
 #[test]
 fn a_reflectance_of_one_is_white_in_pbrt() {
-    assert_close(Sampled::constant(1.0).pbrt_reflectance(), [1.0; 3], 2e-3);
+    assert_close(SampledSpectrum::constant(1.0).pbrt_reflectance(), [1.0; 3], 2e-3);
     assert_close(sampled(&[(500.0, 0.25)]).pbrt_reflectance(), [0.25; 3], 1e-3);
 }
 

@@ -4,7 +4,7 @@ use glam::Vec2;
 use openusd::sdf::Path;
 use openusd::usd::Prim;
 
-use super::context::{Visited, Walk};
+use super::context::{VisitedPrim, Walk};
 use super::placement::rigid;
 use super::source::StageSource;
 use super::values;
@@ -15,7 +15,7 @@ use crate::model::Scene;
 const TENTH: f64 = 0.1;
 
 /// Adds a camera to the scene.
-pub(super) fn add(walk: &mut Walk<'_, '_, '_>, visited: &Visited<'_>) {
+pub(super) fn add(walk: &mut Walk<'_, '_, '_>, visited: &VisitedPrim<'_>) {
     let (source, prim, time) = (walk.source, visited.prim, walk.time);
     let path = prim.path().as_str();
     let number = |name: &str, usual: f64| source.number(prim, name, time).unwrap_or(usual);
@@ -111,7 +111,7 @@ impl RenderSettings {
         let name = path.name().unwrap_or_default();
         match scene.cameras.iter().position(|camera| camera.name == name) {
             Some(index) => scene.cameras[..=index].rotate_right(1),
-            None => source.warn(path.as_str(), "the camera of the render settings is not there"),
+            None => source.warn(path.as_str(), "the camera of the render settings does not exist"),
         }
     }
 }

@@ -11,9 +11,9 @@ use super::material::Materials;
 use super::source::StageSource;
 use crate::model::Scene;
 
-/// What a prim has from its ancestors.
+/// State that a prim inherits from its ancestors.
 #[derive(Clone)]
-pub(super) struct Inherited {
+pub(super) struct InheritedState {
     /// The space of the prim's parent to world space.
     pub(super) world_from_parent: DAffine3,
     pub(super) is_visible: bool,
@@ -26,11 +26,11 @@ pub(super) struct Inherited {
 }
 
 /// A prim on the walk, with its place.
-pub(super) struct Visited<'p> {
+pub(super) struct VisitedPrim<'p> {
     pub(super) prim: &'p Prim,
     pub(super) world_from_prim: DAffine3,
-    /// What its children inherit.
-    pub(super) inherited: Inherited,
+    /// State for its children.
+    pub(super) inherited: InheritedState,
 }
 
 /// A mesh of a prim, by the index in the scene, and the material of each.

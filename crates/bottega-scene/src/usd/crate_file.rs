@@ -6,7 +6,7 @@
 //! `pxr/usd/usd/crateFile.cpp` of OpenUSD.
 
 use super::crate_parts::{
-    Checked, CrateFault, Tokens, decompress, encoded_size, integers, is_count_of_integers, u64_at,
+    CheckResult, CrateFault, Tokens, decompress, encoded_size, integers, is_count_of_integers, u64_at,
 };
 use super::crate_values::CrateValues;
 use super::names;
@@ -17,7 +17,7 @@ const LEVELS_MAX: usize = 1024;
 /// Checks a file.
 ///
 /// - `limit`: memory of one value, and of all paths, in bytes.
-pub(super) fn check(bytes: &[u8], limit: usize) -> Checked<()> {
+pub(super) fn check(bytes: &[u8], limit: usize) -> CheckResult<()> {
     let [major, minor, patch] = [8, 9, 10].map(|at| bytes.get(at).copied().unwrap_or(0));
     if major != 0 || !(4..=12).contains(&minor) {
         return Err(CrateFault::Version(major, minor, patch));
@@ -46,7 +46,7 @@ pub(super) fn check(bytes: &[u8], limit: usize) -> Checked<()> {
 }
 
 /// Returns the names and starts of the sections.
-fn sections(bytes: &[u8]) -> Checked<Vec<(String, usize)>> {
+fn sections(bytes: &[u8]) -> CheckResult<Vec<(String, usize)>> {
     let toc = u64_at(bytes, 16)?;
     let count = u64_at(bytes, toc)?;
     if count == 0 || count >= 64 {
@@ -74,14 +74,14 @@ impl<'a> Cursor<'a> {
         CrateFault::Section(self.section)
     }
 
-    fn count(&mut self) -> Checked<usize> {
+    fn count(&mut self) -> CheckResult<usize> {
         let count = u64_at(self.bytes, self.at)?;
         self.at += 8;
         Ok(count)
     }
 
     /// Reads the bytes of a compressed block.
-    fn block(&mut self) -> Checked<&'a [u8]> {
+    fn block(&mut self) -> CheckResult<&'a [u8]> {
         let size = self.count()?;
         let block = self.bytes.get(self.at..self.at + size).ok_or(CrateFault::CutOff)?;
         self.at += size;
@@ -91,13 +91,13 @@ impl<'a> Cursor<'a> {
     /// Decompresses a block.
     ///
     /// - `size`: greatest number of bytes.
-    fn decompressed(&mut self, size: usize) -> Checked<Vec<u8>> {
+    fn decompressed(&mut self, size: usize) -> CheckResult<Vec<u8>> {
         let block = self.block()?;
         decompress(block, size, self.limit).ok_or_else(|| self.damaged())
     }
 
     /// Reads compressed integers of 32 bits.
-    fn integers(&mut self, count: usize) -> Checked<Vec<i32>> {
+    fn integers(&mut self, count: usize) -> CheckResult<Vec<i32>> {
         let block = self.block()?;
         if !is_count_of_integers(count, block.len(), self.limit) {
             return Err(self.damaged());
@@ -107,7 +107,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// Returns the tokens.
-    fn tokens(&mut self) -> Checked<Tokens> {
+    fn tokens(&mut self) -> CheckResult<Tokens> {
         let count = self.count()?;
         let size = self.count()?;
         let text = self.decompressed(size)?;
@@ -117,7 +117,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// Returns the tokens of the strings.
-    fn strings(&mut self) -> Checked<Vec<usize>> {
+    fn strings(&mut self) -> CheckResult<Vec<usize>> {
         let count = self.count()?;
         let bytes = self.bytes.get(self.at..).and_then(|rest| rest.get(..count.checked_mul(4)?));
         let bytes = bytes.ok_or_else(|| self.damaged())?;
@@ -125,7 +125,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// Returns the token of the name, and the value, of all fields.
-    fn fields(&mut self) -> Checked<Vec<(usize, u64)>> {
+    fn fields(&mut self) -> CheckResult<Vec<(usize, u64)>> {
         let count = self.count()?;
         let names = self.integers(count)?;
         let size = count.checked_mul(8).ok_or_else(|| self.damaged())?;
@@ -135,7 +135,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// Checks the tree of paths: it must visit each at most once, and all texts together must fit into the limit.
-    fn paths(&mut self, tokens: &Tokens) -> Checked<()> {
+    fn paths(&mut self, tokens: &Tokens) -> CheckResult<()> {
         let path_count = self.count()?;
         let count = self.count()?;
         let indices = self.integers(count)?;

@@ -3,17 +3,17 @@
 /// A fault of a binary layer, as a clause about it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(super) enum CrateFault {
-    #[error("it is cut off, or a place in it lies beyond its end")]
+    #[error("it is truncated, or an offset in it lies beyond its end")]
     CutOff,
     #[error("it has the version {0}.{1}.{2} of the format, and 0.4.0 to 0.12 can be read")]
     Version(u8, u8, u8),
     #[error("its section `{0}` is damaged")]
     Section(&'static str),
-    #[error("a value of it is damaged: the file has fewer bytes than it says")]
+    #[error("a value of it is damaged: it names more bytes than the file has")]
     Value,
     #[error("a value of it takes more memory than the scene may have")]
     TooLarge,
-    #[error("its paths lead in circles, or are too long")]
+    #[error("its paths are circular, or too long")]
     Paths,
     #[error("a name in it has other characters than names have")]
     Name,
@@ -22,7 +22,7 @@ pub(super) enum CrateFault {
 }
 
 /// The result of a check.
-pub(super) type Checked<T> = Result<T, CrateFault>;
+pub(super) type CheckResult<T> = Result<T, CrateFault>;
 
 /// The most bytes that one byte of LZ4 can become.
 const LZ4_RATIO: usize = 255;
@@ -57,21 +57,21 @@ impl Tokens {
         self.get(index).map_or(0, <[u8]>::len)
     }
 
-    /// Returns a token as text; `None`: it is none.
+    /// Returns a token as text; `None`: it does not exist, or is not UTF-8.
     pub(super) fn name(&self, index: usize) -> Option<&str> {
         std::str::from_utf8(self.get(index)?).ok()
     }
 }
 
-/// Returns a number of a file as a size; one that no size holds is beyond the end.
-pub(super) fn u64_at(bytes: &[u8], at: usize) -> Checked<usize> {
+/// Returns a number of a file as a size; a number too large for a size is an offset beyond the end.
+pub(super) fn u64_at(bytes: &[u8], at: usize) -> CheckResult<usize> {
     let chunk = bytes.get(at..).and_then(<[u8]>::first_chunk).ok_or(CrateFault::CutOff)?;
     let number = u64::from_le_bytes(*chunk);
     // Sums of two places must not overflow
     usize::try_from(number).ok().filter(|number| *number <= isize::MAX as usize).ok_or(CrateFault::CutOff)
 }
 
-pub(super) fn u32_at(bytes: &[u8], at: usize) -> Checked<usize> {
+pub(super) fn u32_at(bytes: &[u8], at: usize) -> CheckResult<usize> {
     let chunk = bytes.get(at..).and_then(<[u8]>::first_chunk).ok_or(CrateFault::CutOff)?;
     Ok(u32::from_le_bytes(*chunk) as usize)
 }

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::crate_parts::{Checked, CrateFault, Tokens, is_count_of_integers, u32_at, u64_at};
+use super::crate_parts::{CheckResult, CrateFault, Tokens, is_count_of_integers, u32_at, u64_at};
 use super::names;
 
 /// The check of a name.
@@ -55,7 +55,7 @@ impl<'a> CrateValues<'a> {
     /// Checks the value of a field.
     ///
     /// - `name`: token of the field's name.
-    pub(super) fn check_field(&mut self, name: usize, rep: u64) -> Checked<()> {
+    pub(super) fn check_field(&mut self, name: usize, rep: u64) -> CheckResult<()> {
         self.size(rep, 0)?;
         match self.tokens.get(name).and_then(name_check) {
             Some(is_name) => self.check_names(rep, is_name),
@@ -64,7 +64,7 @@ impl<'a> CrateValues<'a> {
     }
 
     /// Returns the memory that a value takes, in bytes.
-    fn size(&mut self, rep: u64, depth: u32) -> Checked<usize> {
+    fn size(&mut self, rep: u64, depth: u32) -> CheckResult<usize> {
         self.visited += 1;
         if depth > DEPTH_MAX || self.visited > VALUES_MAX {
             return Err(CrateFault::Nested);
@@ -80,7 +80,7 @@ impl<'a> CrateValues<'a> {
         Ok(size)
     }
 
-    fn measured(&mut self, rep: u64, depth: u32) -> Checked<usize> {
+    fn measured(&mut self, rep: u64, depth: u32) -> CheckResult<usize> {
         let (is_array, is_inlined, is_compressed) = (rep >> 63 & 1 != 0, rep >> 62 & 1 != 0, rep >> 61 & 1 != 0);
         let kind = (rep >> 48) as u8;
         let at = (rep & ((1 << 48) - 1)) as usize;
@@ -114,24 +114,24 @@ impl<'a> CrateValues<'a> {
     /// Returns the number of elements of a list and where it starts. There are at least as many bytes as it needs.
     ///
     /// - `least`: least size of an element, in bytes.
-    fn list(&self, at: usize, least: usize) -> Checked<(usize, usize)> {
+    fn list(&self, at: usize, least: usize) -> CheckResult<(usize, usize)> {
         let count = u64_at(self.bytes, at)?;
         self.has(at + 8, count, least)?;
         Ok((count, at + 8))
     }
 
-    fn has(&self, at: usize, count: usize, size: usize) -> Checked<()> {
+    fn has(&self, at: usize, count: usize, size: usize) -> CheckResult<()> {
         let left = self.bytes.len().saturating_sub(at);
         if count.saturating_mul(size) <= left { Ok(()) } else { Err(CrateFault::Value) }
     }
 
-    fn texts(&self, at: usize, are_strings: bool) -> Checked<usize> {
+    fn texts(&self, at: usize, are_strings: bool) -> CheckResult<usize> {
         let (count, start) = self.list(at, 4)?;
         self.indexed(start, count, are_strings)
     }
 
     /// Returns the memory of texts by their indices.
-    fn indexed(&self, at: usize, count: usize, are_strings: bool) -> Checked<usize> {
+    fn indexed(&self, at: usize, count: usize, are_strings: bool) -> CheckResult<usize> {
         self.has(at, count, 4)?;
         let mut size = 0_usize;
         for index in self.bytes[at..].as_chunks::<4>().0.iter().take(count) {
@@ -143,7 +143,7 @@ impl<'a> CrateValues<'a> {
     }
 
     /// Checks that a vector of tokens holds names.
-    fn check_names(&self, rep: u64, is_name: NameCheck) -> Checked<()> {
+    fn check_names(&self, rep: u64, is_name: NameCheck) -> CheckResult<()> {
         if (rep >> 48) as u8 != 41 || rep >> 62 & 1 != 0 {
             return Ok(());
         }
@@ -154,7 +154,7 @@ impl<'a> CrateValues<'a> {
     }
 
     /// Returns the memory of selections of variants: pairs of strings.
-    fn selections(&self, at: usize) -> Checked<usize> {
+    fn selections(&self, at: usize) -> CheckResult<usize> {
         let (count, start) = self.list(at, 8)?;
         let name = |index: &[u8; 4]| self.tokens.name(*self.strings.get(u32::from_le_bytes(*index) as usize)?);
         for index in self.bytes[start..].as_chunks::<4>().0.iter().take(2 * count) {
@@ -166,7 +166,7 @@ impl<'a> CrateValues<'a> {
     }
 
     /// Returns the number of elements of an array, and where they start.
-    fn array_count(&self, at: usize) -> Checked<(usize, usize)> {
+    fn array_count(&self, at: usize) -> CheckResult<(usize, usize)> {
         if at == 0 {
             return Ok((0, 0));
         }
@@ -175,7 +175,7 @@ impl<'a> CrateValues<'a> {
         if self.minor < 7 { Ok((u32_at(self.bytes, at)?, at + 4)) } else { Ok((u64_at(self.bytes, at)?, at + 8)) }
     }
 
-    fn array(&self, kind: u8, at: usize, is_compressed: bool) -> Checked<usize> {
+    fn array(&self, kind: u8, at: usize, is_compressed: bool) -> CheckResult<usize> {
         let (count, start) = self.array_count(at)?;
         let element = match kind {
             1 | 2 => 1,
@@ -204,7 +204,7 @@ impl<'a> CrateValues<'a> {
     }
 
     /// Checks the sizes within compressed numbers.
-    fn compressed_numbers(&self, kind: u8, start: usize) -> Checked<()> {
+    fn compressed_numbers(&self, kind: u8, start: usize) -> CheckResult<()> {
         let mut at = start;
         if matches!(kind, 7..=9) {
             let code = *self.bytes.get(at).ok_or(CrateFault::CutOff)?;
@@ -221,7 +221,7 @@ impl<'a> CrateValues<'a> {
     }
 
     /// Returns the memory of a dictionary, and where it ends.
-    fn dictionary(&mut self, at: usize, depth: u32) -> Checked<(usize, usize)> {
+    fn dictionary(&mut self, at: usize, depth: u32) -> CheckResult<(usize, usize)> {
         let (count, mut at) = self.list(at, 12)?;
         let mut size = 0_usize;
         for _ in 0..count {
@@ -234,20 +234,20 @@ impl<'a> CrateValues<'a> {
     }
 
     /// Follows a relative offset to a value. Returns the value, and where it ends.
-    fn nested(&self, at: usize) -> Checked<(u64, usize)> {
+    fn nested(&self, at: usize) -> CheckResult<(u64, usize)> {
         let place = self.offset(at)?;
         let chunk = self.bytes.get(place..).and_then(<[u8]>::first_chunk).ok_or(CrateFault::CutOff)?;
         Ok((u64::from_le_bytes(*chunk), place + 8))
     }
 
-    fn offset(&self, at: usize) -> Checked<usize> {
+    fn offset(&self, at: usize) -> CheckResult<usize> {
         let chunk = self.bytes.get(at..).and_then(<[u8]>::first_chunk).ok_or(CrateFault::CutOff)?;
         let place = i64::try_from(at).ok().and_then(|at| at.checked_add(i64::from_le_bytes(*chunk)));
         let place = place.and_then(|place| usize::try_from(place).ok()).filter(|place| *place < self.bytes.len());
         place.ok_or(CrateFault::CutOff)
     }
 
-    fn time_samples(&mut self, at: usize, depth: u32) -> Checked<usize> {
+    fn time_samples(&mut self, at: usize, depth: u32) -> CheckResult<usize> {
         let (times, at) = self.nested(at)?;
         let mut size = self.size(times, depth + 1)?;
         let (count, start) = self.list(self.offset(at)?, 8)?;
@@ -258,7 +258,7 @@ impl<'a> CrateValues<'a> {
     }
 
     /// Returns the memory of a list operation: up to six lists.
-    fn list_op(&mut self, kind: u8, at: usize, depth: u32) -> Checked<usize> {
+    fn list_op(&mut self, kind: u8, at: usize, depth: u32) -> CheckResult<usize> {
         let flags = *self.bytes.get(at).ok_or(CrateFault::CutOff)?;
         let (mut at, mut size) = (at + 1, 0_usize);
         for _ in 0..(flags >> 1 & 0x3f).count_ones() {

@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use glam::{DAffine3, DVec3, DVec4, Vec3};
 
-use super::context::{Visited, Walk};
+use super::context::{VisitedPrim, Walk};
 use super::look::look_of;
 use super::placement::{self, Thing, ThingPlacement};
 use super::primvar::{self, Interpolation, Primvar};
@@ -47,7 +47,7 @@ enum CurveWrap {
 /// Adds curves.
 pub(super) fn add(
     walk: &mut Walk<'_, '_, '_>,
-    visited: &Visited<'_>,
+    visited: &VisitedPrim<'_>,
     placements: &mut Vec<ThingPlacement>,
 ) -> Result<(), SceneError> {
     let (source, prim, time) = (walk.source, visited.prim, walk.time);
@@ -83,13 +83,13 @@ pub(super) fn add(
         return Ok(());
     }
     if source.value(prim, "normals", time).is_some() || source.value(prim, "primvars:normals", time).is_some() {
-        source.unsupported_once(path, "curves with normals are round tubes nevertheless");
+        source.unsupported_once(path, "curves with normals are rendered as round tubes");
     }
     let widths = ["primvars:widths", "widths"]
         .iter()
         .find_map(|name| primvar::read(source, prim, name, time, Interpolation::Vertex, values::numbers));
     if widths.is_none() {
-        source.warn(path, "the curves have no width; 1 is taken, as the schema says");
+        source.warn(path, "the curves have no width; it is 1, as the schema says");
     }
     let widths = widths.unwrap_or_else(|| Primvar::new(vec![1.0], Interpolation::Constant));
     let form = CurveForm { basis, wrap };
@@ -229,7 +229,7 @@ fn stations(places: &[DVec4]) -> Vec<Station> {
 /// Adds points as spheres.
 pub(super) fn add_points(
     walk: &mut Walk<'_, '_, '_>,
-    visited: &Visited<'_>,
+    visited: &VisitedPrim<'_>,
     placements: &mut Vec<ThingPlacement>,
 ) -> Result<(), SceneError> {
     let (source, prim, time) = (walk.source, visited.prim, walk.time);

@@ -9,7 +9,7 @@ use crate::text::shortened;
 /// Returns the error for a panic of the thread that composes the stage.
 pub(super) fn panicked(path: &Path, panic: &(dyn Any + Send)) -> SceneError {
     let message = panic.downcast_ref::<&str>().copied().or_else(|| panic.downcast_ref::<String>().map(String::as_str));
-    let problem = format!("the USD library gives up: {}", shortened(message.unwrap_or("unknown fault")));
+    let problem = format!("the USD library failed: {}", shortened(message.unwrap_or("unknown fault")));
     SceneError::Damaged { path: path.into(), problem }
 }
 

@@ -33,11 +33,11 @@ pub(super) struct Files<'a> {
     request: &'a ImportRequest<'a>,
     /// Name of the scene file.
     root: String,
-    known: Mutex<Known>,
+    known: Mutex<KnownNames>,
 }
 
 #[derive(Default)]
-struct Known {
+struct KnownNames {
     /// Names by anchor and reference.
     names: BTreeMap<(String, String), String>,
     locations: BTreeMap<String, Location>,
@@ -59,7 +59,7 @@ impl<'a> Files<'a> {
         Self { request, root, known: Mutex::default() }
     }
 
-    fn known(&self) -> MutexGuard<'_, Known> {
+    fn known(&self) -> MutexGuard<'_, KnownNames> {
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -245,8 +245,8 @@ fn joined(folder: &str, reference: &str) -> String {
     parts.join("/")
 }
 
-/// A question of the library, and where its answer goes.
-enum Question {
+/// A request of the library, and the channel for its answer.
+enum FileRequest {
     Name { anchor: String, reference: String, answer: Sender<String> },
     Exists { name: String, answer: Sender<bool> },
     Layer { name: String, answer: Sender<Result<Arc<Vec<u8>>, String>> },
@@ -254,32 +254,32 @@ enum Question {
 
 /// Asks for files on behalf of the library.
 pub(super) struct Client {
-    questions: Sender<Question>,
+    requests: Sender<FileRequest>,
 }
 
 /// Answers the questions of a [`Client`].
 pub(super) struct Server {
-    questions: Receiver<Question>,
+    requests: Receiver<FileRequest>,
 }
 
 /// Makes a client and its server.
 pub(super) fn connect() -> (Client, Server) {
     let (sender, receiver) = channel();
-    (Client { questions: sender }, Server { questions: receiver })
+    (Client { requests: sender }, Server { requests: receiver })
 }
 
 impl Server {
-    /// Answers until the client is gone.
+    /// Answers requests until the client has ended.
     pub(super) fn serve(self, files: &Files<'_>) {
-        for question in self.questions {
-            // A client that is gone needs no answer
-            match question {
-                Question::Name { anchor, reference, answer } => {
+        for request in self.requests {
+            // A client that has ended needs no answer
+            match request {
+                FileRequest::Name { anchor, reference, answer } => {
                     // A reference that cannot be followed keeps its name, and is not found
                     _ = answer.send(files.named(&anchor, &reference).unwrap_or(reference));
                 }
-                Question::Exists { name, answer } => _ = answer.send(name == SESSION || files.exists(&name)),
-                Question::Layer { name, answer } => {
+                FileRequest::Exists { name, answer } => _ = answer.send(name == SESSION || files.exists(&name)),
+                FileRequest::Layer { name, answer } => {
                     _ = answer.send(files.layer(&name).map_err(|error| error.to_string()));
                 }
             }
@@ -288,10 +288,10 @@ impl Server {
 }
 
 impl Client {
-    /// Asks a question; `None`: the server is gone.
-    fn ask<T>(&self, question: impl FnOnce(Sender<T>) -> Question) -> Option<T> {
+    /// Sends a request and waits for its answer; `None`: the server has ended.
+    fn ask<T>(&self, request: impl FnOnce(Sender<T>) -> FileRequest) -> Option<T> {
         let (sender, receiver) = channel();
-        self.questions.send(question(sender)).ok()?;
+        self.requests.send(request(sender)).ok()?;
         receiver.recv().ok()
     }
 }
@@ -302,12 +302,13 @@ impl Resolver for Client {
             return reference.into();
         }
         let anchor = anchor.map(|anchor| anchor.to_string_lossy().into_owned()).filter(|anchor| anchor != SESSION);
-        let ask = |answer| Question::Name { anchor: anchor.unwrap_or_default(), reference: reference.into(), answer };
+        let ask =
+            |answer| FileRequest::Name { anchor: anchor.unwrap_or_default(), reference: reference.into(), answer };
         self.ask(ask).unwrap_or_else(|| reference.into())
     }
 
     fn resolve(&self, name: &str) -> Option<ResolvedPath> {
-        let exists = !name.is_empty() && self.ask(|answer| Question::Exists { name: name.into(), answer })?;
+        let exists = !name.is_empty() && self.ask(|answer| FileRequest::Exists { name: name.into(), answer })?;
         exists.then(|| ResolvedPath::new(name))
     }
 
@@ -317,7 +318,7 @@ impl Resolver for Client {
 
     fn open_asset(&self, resolved: &ResolvedPath) -> io::Result<Box<dyn Asset>> {
         let name = resolved.to_string_lossy().into_owned();
-        let layer = self.ask(|answer| Question::Layer { name, answer });
+        let layer = self.ask(|answer| FileRequest::Layer { name, answer });
         let layer = layer.ok_or_else(|| io::Error::other("the files of the scene are closed"))?;
         let layer = layer.map_err(io::Error::other)?;
         Ok(Box::new(io::Cursor::new(layer.to_vec())))

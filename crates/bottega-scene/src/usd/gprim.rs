@@ -5,7 +5,7 @@ use std::rc::Rc;
 use glam::{DAffine3, Vec3};
 use openusd::usd::Prim;
 
-use super::context::{Inherited, PrimMeshes, Visited, Walk};
+use super::context::{InheritedState, PrimMeshes, VisitedPrim, Walk};
 use super::look::look_of;
 use super::placement::{Thing, ThingPlacement};
 use super::shape::{self, ShapeKind};
@@ -17,7 +17,7 @@ use crate::model::Mesh;
 /// Adds a surface.
 pub(super) fn add(
     walk: &mut Walk<'_, '_, '_>,
-    visited: &Visited<'_>,
+    visited: &VisitedPrim<'_>,
     kind: ShapeKind,
     placements: &mut Vec<ThingPlacement>,
 ) -> Result<(), SceneError> {
@@ -57,7 +57,11 @@ fn glowing(walk: &mut Walk<'_, '_, '_>, material: u32, radiance: Vec3) -> u32 {
 }
 
 /// Returns the meshes of a prim; those of an instance are the meshes of its prototype.
-fn prim_meshes(walk: &mut Walk<'_, '_, '_>, visited: &Visited<'_>, kind: ShapeKind) -> Result<PrimMeshes, SceneError> {
+fn prim_meshes(
+    walk: &mut Walk<'_, '_, '_>,
+    visited: &VisitedPrim<'_>,
+    kind: ShapeKind,
+) -> Result<PrimMeshes, SceneError> {
     let source = walk.source;
     let prim = visited.prim;
     let shared = source.or_warn(prim.path().as_str(), prim.prim_in_prototype());
@@ -65,10 +69,10 @@ fn prim_meshes(walk: &mut Walk<'_, '_, '_>, visited: &Visited<'_>, kind: ShapeKi
     let mut looks = vec![look_of(walk, visited, prim.path())];
     for subset in &subsets {
         let inherited = visited.inherited.bindings.with(source, &subset.prim);
-        let child = Visited {
+        let child = VisitedPrim {
             prim: visited.prim,
             world_from_prim: visited.world_from_prim,
-            inherited: Inherited { bindings: inherited, ..visited.inherited.clone() },
+            inherited: InheritedState { bindings: inherited, ..visited.inherited.clone() },
         };
         looks.push(look_of(walk, &child, subset.prim.path()));
     }

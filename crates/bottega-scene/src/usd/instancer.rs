@@ -6,19 +6,19 @@ use glam::{DAffine3, DQuat, DVec3};
 use openusd::sdf::Path;
 use openusd::usd::Prim;
 
-use super::context::{Inherited, Visited, Walk};
+use super::context::{InheritedState, VisitedPrim, Walk};
 use super::placement::{self, ThingPlacement};
 use super::values;
 use crate::error::SceneError;
 
 /// Visits a prim and its descendants, and adds what they place.
 pub(super) type Visit =
-    fn(&mut Walk<'_, '_, '_>, &Prim, &Inherited, &mut Vec<ThingPlacement>) -> Result<(), SceneError>;
+    fn(&mut Walk<'_, '_, '_>, &Prim, &InheritedState, &mut Vec<ThingPlacement>) -> Result<(), SceneError>;
 
 /// Places the instances of a point instancer. Its prototypes are drawn nowhere else if they are below it.
 pub(super) fn add(
     walk: &mut Walk<'_, '_, '_>,
-    visited: &Visited<'_>,
+    visited: &VisitedPrim<'_>,
     placements: &mut Vec<ThingPlacement>,
     visit: Visit,
 ) -> Result<(), SceneError> {
@@ -89,19 +89,19 @@ pub(super) fn add(
 /// Returns what a prototype places, in the space of the instancer.
 fn model(
     walk: &mut Walk<'_, '_, '_>,
-    visited: &Visited<'_>,
+    visited: &VisitedPrim<'_>,
     prototype: &Path,
     visit: Visit,
 ) -> Result<Vec<ThingPlacement>, SceneError> {
     let prim = walk.source.stage.prim(prototype.clone());
-    let inherited = Inherited { world_from_parent: DAffine3::IDENTITY, ..visited.inherited.clone() };
+    let inherited = InheritedState { world_from_parent: DAffine3::IDENTITY, ..visited.inherited.clone() };
     let mut placements = Vec::new();
     visit(walk, &prim, &inherited, &mut placements)?;
     Ok(placements)
 }
 
 /// Returns the ids of instances that are not drawn.
-fn hidden(walk: &Walk<'_, '_, '_>, visited: &Visited<'_>) -> BTreeSet<i64> {
+fn hidden(walk: &Walk<'_, '_, '_>, visited: &VisitedPrim<'_>) -> BTreeSet<i64> {
     let source = walk.source;
     let invisible = source.read(visited.prim, "invisibleIds", walk.time, values::long_integers).unwrap_or_default();
     let inactive = source.stage.attribute(visited.prim.path().clone()).get_metadata("inactiveIds");

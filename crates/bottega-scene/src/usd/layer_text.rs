@@ -267,7 +267,7 @@ impl<'a> Scanner<'a> {
     /// Copies a word, or writes a type by its name of today.
     fn word(&mut self) {
         let rest = self.rest();
-        // Names of properties have colons and points, which are no part of the name of a type
+        // Names of properties have colons and points, which are not part of the name of a type
         let is_part = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'_' | b':' | b'.') || byte >= 0x80;
         let length = rest.bytes().take_while(|&byte| is_part(byte)).count();
         let word = &rest[..length];

@@ -5,11 +5,11 @@ use std::f64::consts::PI;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use openusd::usd::Prim;
 
-use super::context::{Visited, Walk};
+use super::context::{VisitedPrim, Walk};
 use super::source::StageSource;
 use super::texture::{SourceSpace, StandIn, WantedTexture};
 use crate::model::Mesh;
-use crate::spectrum::sampled::Sampled;
+use crate::spectrum::sampled::SampledSpectrum;
 use crate::text::shortened;
 use crate::texture::ImageId;
 use crate::values::FACTOR_MAX;
@@ -87,8 +87,8 @@ pub(super) fn area(mesh: &Mesh, world: &DAffine3) -> f64 {
     mesh.triangles.iter().map(area).sum()
 }
 
-/// Reads a light by its type; `None`: it is none, or it is left out.
-pub(super) fn read(walk: &mut Walk<'_, '_, '_>, visited: &Visited<'_>, kind: &str) -> Option<LightSpec> {
+/// Reads a light by its type; `None`: it is not a light, or it is left out.
+pub(super) fn read(walk: &mut Walk<'_, '_, '_>, visited: &VisitedPrim<'_>, kind: &str) -> Option<LightSpec> {
     let (source, prim, time) = (walk.source, visited.prim, walk.time);
     let path = prim.path().as_str();
     let shape = shape(source, prim, time, kind)?;
@@ -121,8 +121,8 @@ pub(super) fn read(walk: &mut Walk<'_, '_, '_>, visited: &Visited<'_>, kind: &st
     Some(LightSpec { shape, strength: strength(source, prim, time, usual), texture, cone: cone.filter(|_| takes_cone) })
 }
 
-/// Returns the strength of a surface that is a light; `None`: it is none.
-pub(super) fn of_surface(walk: &Walk<'_, '_, '_>, visited: &Visited<'_>) -> Option<Strength> {
+/// Returns the strength of a surface that is a light; `None`: it is not a light.
+pub(super) fn of_surface(walk: &Walk<'_, '_, '_>, visited: &VisitedPrim<'_>) -> Option<Strength> {
     let (source, prim, time) = (walk.source, visited.prim, walk.time);
     let schemas = source.schemas(prim);
     if !schemas.iter().any(|name| matches!(name.as_str(), "MeshLightAPI" | "LightAPI")) {
@@ -236,7 +236,7 @@ fn strength(source: &StageSource<'_>, prim: &Prim, time: f64, usual: f64) -> Str
 
 /// Returns the colour of a black body with luminance 1, as UsdLuxBlackbodyTemperatureAsRgb does.
 fn temperature_color(kelvin: f64) -> DVec3 {
-    Sampled::blackbody(kelvin.clamp(1000.0, 10_000.0)).pbrt_illuminant().as_dvec3()
+    SampledSpectrum::blackbody(kelvin.clamp(1000.0, 10_000.0)).pbrt_illuminant().as_dvec3()
 }
 
 /// Warns about inputs that are left out.
@@ -254,7 +254,7 @@ fn report_unused(source: &StageSource<'_>, prim: &Prim, time: f64, schemas: &[St
     if schemas.iter().any(|name| name == "ShadowAPI")
         && source.boolean(prim, "inputs:shadow:enable", time) == Some(false)
     {
-        source.unsupported(path, "the light casts shadows nevertheless");
+        source.unsupported(path, "the light still casts shadows");
     }
     if !source.targets(prim, "light:filters").is_empty() {
         source.unsupported(path, "filters of lights are left out");

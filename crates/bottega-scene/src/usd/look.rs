@@ -5,7 +5,7 @@ use std::rc::Rc;
 use glam::Vec3;
 use openusd::sdf::Path;
 
-use super::context::{Visited, Walk};
+use super::context::{VisitedPrim, Walk};
 use super::material::Look;
 use super::primvar::{self, Interpolation};
 
@@ -22,7 +22,7 @@ pub(super) struct PartLook {
 /// Returns the look of a prim: that of its material, or of its display colour.
 ///
 /// - `path`: the prim, or a subset of its faces.
-pub(super) fn look_of(walk: &mut Walk<'_, '_, '_>, visited: &Visited<'_>, path: &Path) -> PartLook {
+pub(super) fn look_of(walk: &mut Walk<'_, '_, '_>, visited: &VisitedPrim<'_>, path: &Path) -> PartLook {
     let material = visited.inherited.bindings.material(path);
     if let Some(look) = material.and_then(|material| walk.materials.bound(&material)) {
         let (color, opacity) = (look.color.clone(), look.opacity.clone());

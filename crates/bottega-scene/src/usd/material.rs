@@ -46,7 +46,7 @@ pub(super) struct Materials<'s, 'a> {
 }
 
 /// The end of the connections of an input.
-enum Connected {
+enum ConnectionEnd {
     /// An attribute with the value.
     Attribute(Prim, String),
     /// A shader and the name of its output.
@@ -133,13 +133,13 @@ impl<'s, 'a> Materials<'s, 'a> {
         let source = self.source;
         let path = prim.path().as_str();
         if source.type_of(prim) != "Material" {
-            source.unsupported(path, "is bound as a material and is none; its surfaces have their display colour");
+            source.unsupported(path, "is bound as a material but is not one; its surfaces have their display colour");
             return None;
         }
         let shader = ["outputs:surface", "outputs:mtlx:surface"].iter().find_map(|name| {
             match self.follow(prim, name, DEPTH_MAX)? {
-                Connected::Output(shader, _) => Some(shader),
-                Connected::Attribute(..) => None,
+                ConnectionEnd::Output(shader, _) => Some(shader),
+                ConnectionEnd::Attribute(..) => None,
             }
         });
         let id = shader.as_ref().and_then(|shader| source.text(shader, "info:id", self.time));
@@ -166,8 +166,8 @@ impl<'s, 'a> Materials<'s, 'a> {
     /// Returns true if an input has a connection or a value other than 0.
     fn is_used(&self, shader: &Prim, name: &str) -> bool {
         match self.follow(shader, name, DEPTH_MAX) {
-            Some(Connected::Output(..)) => true,
-            Some(Connected::Attribute(prim, name)) => self
+            Some(ConnectionEnd::Output(..)) => true,
+            Some(ConnectionEnd::Attribute(prim, name)) => self
                 .source
                 .value(&prim, &name, self.time)
                 .and_then(|value| values::number(&value))
@@ -177,13 +177,13 @@ impl<'s, 'a> Materials<'s, 'a> {
     }
 
     /// Follows the connections of an input or output; `None`: it has neither a connection nor a value.
-    fn follow(&self, prim: &Prim, name: &str, depth: u32) -> Option<Connected> {
+    fn follow(&self, prim: &Prim, name: &str, depth: u32) -> Option<ConnectionEnd> {
         let place = format!("{}.{name}", prim.path());
         let attribute = prim.attribute(name.to_owned());
         let connections = self.source.or_warn(&place, attribute.connections());
         let Some(target) = connections.into_iter().find(Path::is_property_path) else {
             let has_value = !name.starts_with("outputs:") && self.source.value(prim, name, self.time).is_some();
-            return has_value.then(|| Connected::Attribute(prim.clone(), name.to_owned()));
+            return has_value.then(|| ConnectionEnd::Attribute(prim.clone(), name.to_owned()));
         };
         if depth == 0 {
             self.source.unsupported(&place, "is connected in a circle; the connection is left out");
@@ -192,7 +192,7 @@ impl<'s, 'a> Materials<'s, 'a> {
         let (path, property) = target.split_property()?;
         let next = self.source.stage.prim(path.clone());
         if property.starts_with("outputs:") && self.source.type_of(&next) == "Shader" {
-            return Some(Connected::Output(next, property.to_owned()));
+            return Some(ConnectionEnd::Output(next, property.to_owned()));
         }
         self.follow(&next, property, depth - 1)
     }
@@ -200,8 +200,8 @@ impl<'s, 'a> Materials<'s, 'a> {
     /// Returns the value of an input; `None`: it has none, or is connected to a shader.
     fn value(&self, shader: &Prim, name: &str) -> Option<Value> {
         match self.follow(shader, name, DEPTH_MAX)? {
-            Connected::Attribute(prim, name) => self.source.value(&prim, &name, self.time),
-            Connected::Output(..) => None,
+            ConnectionEnd::Attribute(prim, name) => self.source.value(&prim, &name, self.time),
+            ConnectionEnd::Output(..) => None,
         }
     }
 
@@ -222,15 +222,15 @@ impl<'s, 'a> Materials<'s, 'a> {
         let source = self.source;
         let place = shader.path().as_str().to_owned();
         let file = match self.follow(shader, "inputs:file", DEPTH_MAX) {
-            Some(Connected::Attribute(prim, name)) => source.file(&prim, &name, self.time),
+            Some(ConnectionEnd::Attribute(prim, name)) => source.file(&prim, &name, self.time),
             _ => None,
         };
         let Some(mut file) = file else {
-            source.unsupported(&place, "the texture names no file; its fallback is taken");
+            source.unsupported(&place, "the texture has no file; its fallback is used");
             return None;
         };
         if file.reference.contains("<UDIM>") {
-            source.unsupported(&place, "of pictures in tiles (UDIM) only the one with the number 1001 is shown");
+            source.unsupported(&place, "of pictures in tiles (UDIM), only tile 1001 is shown");
             file.reference = file.reference.replace("<UDIM>", "1001");
             file.name = source.files.named("", &file.reference).ok().filter(|name| source.files.exists(name));
         }
@@ -287,7 +287,7 @@ impl<'s, 'a> Materials<'s, 'a> {
         let mut name = "st".to_owned();
         let mut from = self.follow(shader, "inputs:st", DEPTH_MAX);
         for _ in 0..DEPTH_MAX {
-            let Some(Connected::Output(reader, _)) = from.take() else { break };
+            let Some(ConnectionEnd::Output(reader, _)) = from.take() else { break };
             match self.id(&reader).as_str() {
                 "UsdPrimvarReader_float2" => {
                     name = self.text(&reader, "inputs:varname").unwrap_or(name);
@@ -298,7 +298,7 @@ impl<'s, 'a> Materials<'s, 'a> {
                     from = self.follow(&reader, "inputs:in", DEPTH_MAX);
                 }
                 other => {
-                    let message = format!("coordinates by `{}` are not supported; `st` is taken", shortened(other));
+                    let message = format!("coordinates by `{}` are not supported; `st` is used", shortened(other));
                     source.unsupported(reader.path().as_str(), message);
                     break;
                 }
@@ -310,7 +310,7 @@ impl<'s, 'a> Materials<'s, 'a> {
                 return look.uv_sets.len() - 1;
             }
             let message =
-                format!("a third set of coordinates, `{}`, is not kept; the first stands for it", shortened(&name));
+                format!("a third set of coordinates, `{}`, is not kept; the first replaces it", shortened(&name));
             source.unsupported(shader.path().as_str(), message);
             0
         });
@@ -391,7 +391,7 @@ impl PreviewSurface<'_, '_, '_> {
     /// Returns a number, clamped to its range with a warning. A texture is left out.
     fn number(&self, name: &str, usual: f64, least: f64, greatest: f64) -> f32 {
         let (source, place) = (self.materials.source, self.place(name));
-        if matches!(self.materials.follow(&self.shader, name, DEPTH_MAX), Some(Connected::Output(..))) {
+        if matches!(self.materials.follow(&self.shader, name, DEPTH_MAX), Some(ConnectionEnd::Output(..))) {
             source.unsupported(&place, "a texture of it is left out");
         }
         let value = self.materials.value(&self.shader, name).and_then(|value| values::number(&value)).unwrap_or(usual);
@@ -405,8 +405,8 @@ impl PreviewSurface<'_, '_, '_> {
     /// Returns the shader that an input is connected to.
     fn connected(&self, name: &str) -> Option<(Prim, String)> {
         match self.materials.follow(&self.shader, name, DEPTH_MAX)? {
-            Connected::Output(shader, output) => Some((shader, output)),
-            Connected::Attribute(..) => None,
+            ConnectionEnd::Output(shader, output) => Some((shader, output)),
+            ConnectionEnd::Attribute(..) => None,
         }
     }
 
@@ -430,7 +430,7 @@ impl PreviewSurface<'_, '_, '_> {
                     return sound(Vec3::new(r, g, b).as_dvec3()).into();
                 };
                 if texture.channel.is_some() {
-                    source.unsupported(&place, "one channel of a texture is no colour; all three are taken");
+                    source.unsupported(&place, "one channel of a texture is not a colour; all three are used");
                 }
                 let [r, g, b, _] = texture.scale;
                 let factor = Vec3::new(r, g, b).min(Vec3::splat(FACTOR_MAX));
@@ -441,7 +441,7 @@ impl PreviewSurface<'_, '_, '_> {
                 Vec3::ONE.into()
             }
             other => {
-                let message = format!("the shader `{}` is not supported here; its fallback is taken", shortened(other));
+                let message = format!("the shader `{}` is not supported here; its fallback is used", shortened(other));
                 source.unsupported(&place, message);
                 let fallback = self.materials.value(&shader, "inputs:fallback").and_then(|it| values::vector(&it));
                 sound(fallback.filter(|color| color.is_finite()).unwrap_or(usual)).into()
@@ -468,7 +468,7 @@ impl PreviewSurface<'_, '_, '_> {
                 1.0.into()
             }
             other => {
-                let message = format!("the shader `{}` is not supported here; its fallback is taken", shortened(other));
+                let message = format!("the shader `{}` is not supported here; its fallback is used", shortened(other));
                 source.unsupported(&place, message);
                 let fallback = self.materials.value(&shader, "inputs:fallback").and_then(|it| values::number(&it));
                 (fallback.unwrap_or(usual).clamp(0.0, 1.0) as f32).into()
@@ -479,7 +479,7 @@ impl PreviewSurface<'_, '_, '_> {
     fn normal(&mut self) -> Option<Relief> {
         let (shader, output) = self.connected("inputs:normal")?;
         if self.materials.id(&shader) != "UsdUVTexture" {
-            self.materials.source.unsupported(&self.place("inputs:normal"), "is no texture; it is left out");
+            self.materials.source.unsupported(&self.place("inputs:normal"), "is not a texture; it is left out");
             return None;
         }
         let texture = self.materials.texture(&shader, &output, &mut self.look, true)?;

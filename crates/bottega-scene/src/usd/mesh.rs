@@ -126,7 +126,7 @@ pub(super) fn read(
             Ok(made) => {
                 for (slot, mut mesh) in made.into_meshes() {
                     if mesh.mend_normals() {
-                        source.warn(path, "some normals are no directions and are replaced by those of the surface");
+                        source.warn(path, "some normals are not directions and are replaced by those of the surface");
                     }
                     parts.push((slot, mesh));
                 }
@@ -229,7 +229,7 @@ fn normals(source: &StageSource<'_>, prim: &Prim, time: f64, topology: &Topology
         }
     });
     if is_smooth && source.value(prim, "subdivisionScheme", time).is_some() {
-        let message = "surfaces that are to be subdivided are drawn as their control meshes, with smooth normals";
+        let message = "subdivision surfaces are rendered as their control meshes, with smooth normals";
         source.unsupported_once(path, message);
     }
     if let Some(normals) = own {

@@ -50,7 +50,7 @@ use std::thread::{Builder, scope};
 use files::Files;
 
 use crate::error::{SceneError, Warnings};
-use crate::import::request::{ImportRequest, Imported};
+use crate::import::request::{ImportOutput, ImportRequest};
 
 /// Stack of the thread that composes the stage, in bytes: the library and our walk use a few frames per level of a path.
 const STACK_BYTES: usize = 256 << 20;
@@ -64,7 +64,7 @@ pub(crate) fn recognizes(path: &Path) -> bool {
 }
 
 /// Imports a stage. The scene may lack lights and cameras.
-pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
+pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<ImportOutput, SceneError> {
     let files = Files::new(request);
     files.check_root()?;
     let (client, server) = files::connect();

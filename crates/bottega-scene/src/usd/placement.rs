@@ -40,7 +40,7 @@ pub(super) fn book(source: &StageSource<'_>, path: &str, count: usize, more: usi
         return Err(SceneError::Limit {
             path: source.request.path.into(),
             place: path.into(),
-            problem: format!("the stage places more than {PLACEMENTS_MAX} things"),
+            problem: format!("the stage places more than {PLACEMENTS_MAX} objects"),
             remedy: "leave out instances",
         });
     }

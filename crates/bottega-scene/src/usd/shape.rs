@@ -21,7 +21,7 @@ pub(super) enum ShapeKind {
 }
 
 impl ShapeKind {
-    /// Returns the kind of a type of prims; `None`: it is no surface.
+    /// Returns the kind of a type of prims; `None`: it is not a surface.
     pub(super) fn of(type_name: &str) -> Option<Self> {
         Some(match type_name {
             "Mesh" => Self::Mesh,

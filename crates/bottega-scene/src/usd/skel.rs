@@ -51,7 +51,7 @@ fn add_blend_shapes(source: &StageSource<'_>, prim: &Prim, animation: &Prim, tim
         let shape = source.stage.prim(shape);
         let names = source.or_warn(shape.path().as_str(), shape.property_names());
         if names.iter().any(|name| name.as_str().starts_with("inbetweens:")) {
-            source.unsupported(shape.path().as_str(), "shapes between are left out: the shape grows evenly");
+            source.unsupported(shape.path().as_str(), "in-between shapes are left out: the blend is linear");
         }
         let offsets = source.read(&shape, "offsets", STILL, values::vectors).unwrap_or_default();
         let indices = source.read(&shape, "pointIndices", STILL, values::integers).filter(|list| !list.is_empty());
@@ -147,7 +147,7 @@ fn joint_transforms(
     let binds = source.read(skeleton, "bindTransforms", STILL, values::matrices).unwrap_or_default();
     let rests = source.read(skeleton, "restTransforms", STILL, values::matrices).unwrap_or_default();
     if names.is_empty() || binds.len() != names.len() || names.len() > JOINTS_MAX {
-        source.unsupported(path, "a skeleton whose joints have no bound pose moves nothing");
+        source.unsupported(path, "a skeleton whose joints have no bound pose has no effect");
         return None;
     }
     let moved = animation.map(|animation| animated_joints(source, animation, time)).unwrap_or_default();
@@ -177,7 +177,10 @@ fn animated_joints(source: &StageSource<'_>, animation: &Prim, time: f64) -> BTr
     let scales = source.read(animation, "scales", time, values::vectors).unwrap_or_default();
     if [translations.len(), rotations.len(), scales.len()] != [names.len(); 3] {
         if !names.is_empty() {
-            source.unsupported(animation.path().as_str(), "an animation without a place for each joint moves nothing");
+            source.unsupported(
+                animation.path().as_str(),
+                "an animation without a transformation for each joint has no effect",
+            );
         }
         return BTreeMap::new();
     }

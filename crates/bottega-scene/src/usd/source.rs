@@ -22,7 +22,7 @@ pub(super) struct StageSource<'a> {
     pub(super) stage: Stage,
     warnings: RefCell<Warnings>,
     /// Places and messages of the warnings, each given once.
-    told: RefCell<BTreeSet<(String, String)>>,
+    reported: RefCell<BTreeSet<(String, String)>>,
 }
 
 /// A file that an attribute names.
@@ -37,13 +37,13 @@ pub(super) struct NamedFile {
 impl<'a> StageSource<'a> {
     /// Makes a source without warnings.
     pub(super) fn new(request: &'a ImportRequest<'a>, files: &'a Files<'a>, stage: Stage) -> Self {
-        Self { request, files, stage, warnings: RefCell::default(), told: RefCell::default() }
+        Self { request, files, stage, warnings: RefCell::default(), reported: RefCell::default() }
     }
 
     /// Adds a warning, unless there is an equal one.
     pub(super) fn warn(&self, place: &str, message: impl Into<String>) {
         let message = message.into();
-        if self.told.borrow_mut().insert((place.to_owned(), message.clone())) {
+        if self.reported.borrow_mut().insert((place.to_owned(), message.clone())) {
             self.warnings.borrow_mut().add(place, message);
         }
     }
@@ -51,14 +51,14 @@ impl<'a> StageSource<'a> {
     /// Reports what is left out or replaced, unless it was reported.
     pub(super) fn unsupported(&self, place: &str, message: impl Into<String>) {
         let message = message.into();
-        if self.told.borrow_mut().insert((place.to_owned(), message.clone())) {
+        if self.reported.borrow_mut().insert((place.to_owned(), message.clone())) {
             self.warnings.borrow_mut().unsupported(place, message);
         }
     }
 
     /// Reports something unsupported with the first place where it occurs.
     pub(super) fn unsupported_once(&self, place: &str, message: &str) {
-        if self.told.borrow_mut().insert((String::new(), message.to_owned())) {
+        if self.reported.borrow_mut().insert((String::new(), message.to_owned())) {
             self.warnings.borrow_mut().unsupported(place, message);
         }
     }

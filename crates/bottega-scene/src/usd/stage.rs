@@ -11,12 +11,12 @@ use super::error::chain;
 use super::files::{Client, Files, SESSION};
 use super::material::Materials;
 use super::source::StageSource;
-use super::time::Times;
+use super::time::StageTimes;
 use super::{values, walk};
 use crate::error::{SceneError, Warnings};
 use crate::hints::{Metadata, RenderHints};
 use crate::import::merge::{StillParts, merge};
-use crate::import::request::{ImportRequest, Imported};
+use crate::import::request::{ImportOutput, ImportRequest};
 use crate::text::shortened;
 
 /// Reads the stage of a request. Also returns its warnings.
@@ -24,10 +24,10 @@ pub(super) fn read(
     request: &ImportRequest<'_>,
     files: &Files<'_>,
     client: Client,
-) -> Result<(Imported, Warnings), SceneError> {
+) -> Result<(ImportOutput, Warnings), SceneError> {
     let stage = open(request, files, client)?;
     let source = StageSource::new(request, files, stage);
-    let times = Times::new(&source.stage, request.options);
+    let times = StageTimes::new(&source.stage, request.options);
     if let Some(animation) = &request.options.animation {
         source.warn("", format!("the animation `{}` is not chosen: a stage has one", shortened(animation)));
     }
@@ -157,7 +157,7 @@ fn world_from_stage(source: &StageSource<'_>) -> DAffine3 {
         "Z" => DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y),
         "Y" => DMat3::IDENTITY,
         other => {
-            source.unsupported("upAxis", format!("`{}` is no up axis; y is taken", shortened(other)));
+            source.unsupported("upAxis", format!("`{}` is not an up axis; y is used", shortened(other)));
             DMat3::IDENTITY
         }
     };

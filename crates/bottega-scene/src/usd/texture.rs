@@ -123,7 +123,7 @@ impl<'a> Textures<'a> {
             header.and_then(|header| decode(wanted, header, &bytes?))
         };
         let decoded: Vec<_> = self.wanted.par_iter().zip(headers).map(read).collect();
-        let finish = |((wanted, place), decoded): (&(WantedTexture, String), Decoded)| {
+        let finish = |((wanted, place), decoded): (&(WantedTexture, String), DecodedPicture)| {
             let name = shortened(&wanted.name).into_owned();
             match decoded {
                 Ok((image, notes)) => {
@@ -132,7 +132,7 @@ impl<'a> Textures<'a> {
                 }
                 Err(problem) => {
                     let (what, image) = stand_in(wanted, &name);
-                    source.unsupported(place, format!("the picture `{name}`: {problem}; {what} stands for it"));
+                    source.unsupported(place, format!("the picture `{name}`: {problem}; {what} replaces it"));
                     image
                 }
             }
@@ -177,10 +177,10 @@ fn check(
 }
 
 /// A decoded picture, and notes for warnings.
-type Decoded = Result<(Image, Vec<String>), PictureError>;
+type DecodedPicture = Result<(Image, Vec<String>), PictureError>;
 
 /// Decodes a picture.
-fn decode(wanted: &WantedTexture, header: PictureHeader, bytes: &[u8]) -> Decoded {
+fn decode(wanted: &WantedTexture, header: PictureHeader, bytes: &[u8]) -> DecodedPicture {
     let mut decoded = DecodedImage::read(bytes, header)?;
     let notes = decoded.take_notes();
     let encoding = match wanted.space {

@@ -9,7 +9,7 @@ const STEPS: (f64, f64) = (60.0, 16.0);
 
 /// The times at which a stage is read, as time codes.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Times {
+pub(super) struct StageTimes {
     /// The time of the picture, or when its shutter opens.
     pub(super) first: f64,
     /// Later times, up to when the shutter is closed; empty: it is open for no time.
@@ -18,7 +18,7 @@ pub(super) struct Times {
     pub(super) rate: f64,
 }
 
-impl Times {
+impl StageTimes {
     /// Returns the times that the options select. Without a time, the earliest sample counts.
     pub(super) fn new(stage: &Stage, options: &LoadOptions) -> Self {
         let rate = stage.time_codes_per_second();

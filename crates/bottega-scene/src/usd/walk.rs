@@ -8,7 +8,7 @@ use openusd::sdf::{Path, Specifier};
 use openusd::usd::Prim;
 
 use super::binding::Bindings;
-use super::context::{Inherited, Visited, Walk};
+use super::context::{InheritedState, VisitedPrim, Walk};
 use super::material::Materials;
 use super::placement::{Thing, ThingPlacement};
 use super::shape::ShapeKind;
@@ -34,7 +34,7 @@ pub(super) fn scene<'s, 'a>(
 ) -> Result<Scene, SceneError> {
     let mut walk =
         Walk { source, time, scene: Scene::default(), materials, meshes: BTreeMap::new(), world_from_stage, prims: 0 };
-    let inherited = Inherited {
+    let inherited = InheritedState {
         world_from_parent: world_from_stage,
         is_visible: true,
         purpose: String::new(),
@@ -57,7 +57,7 @@ pub(super) fn scene<'s, 'a>(
 fn visit(
     walk: &mut Walk<'_, '_, '_>,
     prim: &Prim,
-    inherited: &Inherited,
+    inherited: &InheritedState,
     placements: &mut Vec<ThingPlacement>,
 ) -> Result<(), SceneError> {
     let source = walk.source;
@@ -81,7 +81,7 @@ fn visit(
         return Ok(());
     }
     let visited = place(walk, prim, inherited);
-    let Inherited { is_visible, .. } = visited.inherited;
+    let InheritedState { is_visible, .. } = visited.inherited;
     let is_drawn = is_visible && matches!(visited.inherited.purpose.as_str(), "" | "default" | "render");
     if kind == "Camera" {
         camera::add(walk, &visited);
@@ -115,7 +115,7 @@ fn visit(
 
 fn visit_children(
     walk: &mut Walk<'_, '_, '_>,
-    visited: &Visited<'_>,
+    visited: &VisitedPrim<'_>,
     placements: &mut Vec<ThingPlacement>,
 ) -> Result<(), SceneError> {
     let children = walk.source.or_warn(visited.prim.path().as_str(), visited.prim.children());
@@ -123,7 +123,7 @@ fn visit_children(
 }
 
 /// Computes the place of a prim, and what its children inherit.
-fn place<'p>(walk: &Walk<'_, '_, '_>, prim: &'p Prim, inherited: &Inherited) -> Visited<'p> {
+fn place<'p>(walk: &Walk<'_, '_, '_>, prim: &'p Prim, inherited: &InheritedState) -> VisitedPrim<'p> {
     let source = walk.source;
     let local = xform::read(source, prim, walk.time);
     let parent = if local.resets { walk.world_from_stage } else { inherited.world_from_parent };
@@ -135,7 +135,7 @@ fn place<'p>(walk: &Walk<'_, '_, '_>, prim: &'p Prim, inherited: &Inherited) -> 
     if names.iter().any(|name| name.as_str().starts_with("primvars:")) {
         Rc::make_mut(&mut ancestors).push(prim.clone());
     }
-    let inherited = Inherited {
+    let inherited = InheritedState {
         world_from_parent: world_from_prim,
         is_visible,
         purpose,
@@ -143,7 +143,7 @@ fn place<'p>(walk: &Walk<'_, '_, '_>, prim: &'p Prim, inherited: &Inherited) -> 
         ancestors,
         depth: inherited.depth + 1,
     };
-    Visited { prim, world_from_prim, inherited }
+    VisitedPrim { prim, world_from_prim, inherited }
 }
 
 /// Gives spheres the keys of later times. Where spheres appear or vanish, all stand still.

@@ -30,12 +30,13 @@ pub(super) fn read(source: &StageSource<'_>, prim: &Prim, time: f64) -> LocalTra
         // An operation without a value does nothing
         let Some(value) = source.value(prim, name, time) else { continue };
         let Some(operation) = operation(name, &value) else {
-            source.unsupported(&place, "is no transformation that can be read; it is left out");
+            source.unsupported(&place, "is not a transformation that can be read; it is left out");
             continue;
         };
         let is_affine = operation.row(3).abs_diff_eq(glam::DVec4::W, 1e-9);
         if !is_affine {
-            source.unsupported(&place, "the fourth column of the matrix is left out: it is no affine transformation");
+            source
+                .unsupported(&place, "the fourth column of the matrix is left out: it is not an affine transformation");
         }
         let matrix3 = DMat3::from_mat4(operation);
         let operation = DAffine3 { matrix3, translation: operation.w_axis.truncate() };

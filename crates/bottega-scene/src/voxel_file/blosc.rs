@@ -9,7 +9,7 @@ use std::io::Read;
 use super::cursor::ByteCursor;
 use super::error::VoxelError;
 
-/// What messages call a chunk.
+/// Name of a chunk in error messages.
 const WHAT: &str = "a block of values";
 /// Blosc splits a block into one part per byte of a value up to this size of values.
 const SPLITS_MAX: usize = 16;

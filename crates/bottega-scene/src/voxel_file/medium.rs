@@ -22,7 +22,7 @@ pub struct Voxels {
     pub temperatures: Option<Grid>,
     /// Unit cube of the grids to the space of the file.
     pub file_from_cube: DAffine3,
-    /// What was changed, for warnings.
+    /// Changes to values of the file, for warnings.
     pub notes: Vec<String>,
 }
 

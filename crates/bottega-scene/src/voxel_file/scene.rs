@@ -12,7 +12,7 @@ use crate::color::Spectrum;
 use crate::error::{SceneError, Warnings};
 use crate::grid::Grid;
 use crate::hints::{Metadata, RenderHints};
-use crate::import::request::{ImportRequest, Imported};
+use crate::import::request::{ImportOutput, ImportRequest};
 use crate::material::Material;
 use crate::medium::{Density, EmissionVariation, Medium, Variation};
 use crate::model::{Mesh, Scene};
@@ -29,13 +29,13 @@ const TEMPERATURES: &[&str] = &["temperature", "heat", "flame", "flames"];
 const OPTICAL_DEPTH: f32 = 12.0;
 /// Single-scattering albedo of the smoke.
 const ALBEDO: f32 = 0.6;
-/// Greatest temperature in kelvin of a file whose values are no temperatures, because none is above 100.
+/// Greatest temperature in kelvin of a file whose values are not temperatures, because none is above 100.
 const HOTTEST: f32 = 2000.0;
 /// Greatest component of the radiance of the hottest part, where nothing is seen through it.
 const RADIANCE: f32 = 10.0;
 
 /// Imports a file that [`recognizes`] accepts. The scene has no cameras and no lights.
-pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
+pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<ImportOutput, SceneError> {
     let &ImportRequest { path, file, origin, resources, .. } = request;
     let (format, grids) = list(file).map_err(|error| error.in_file(path))?;
     let invalid = |problem: String| SceneError::Invalid { path: path.into(), place: String::new(), problem };

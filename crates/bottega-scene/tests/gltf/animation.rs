@@ -204,7 +204,7 @@ fn an_animated_matrix_is_taken_apart() {
 }
 
 #[test]
-fn what_cannot_be_animated_is_named() {
+fn unsupported_animations_are_named() {
     let mut file = File::triangle();
     animate(&mut file, 0, "translation", "LINEAR", &[0., 1.], &[0., 0., 0., 4., 0., 0.]);
     let target = |file: &mut File, target: Value| file.json["animations"][0]["channels"][0]["target"] = target;
@@ -283,7 +283,7 @@ fn pointers_animate_materials_lights_cameras_and_nodes() {
 }
 
 #[test]
-fn what_is_hidden_is_not_there_until_it_is_shown() {
+fn hidden_nodes_are_left_out_until_they_are_shown() {
     let mut file = File::triangle();
     let child = file.json["nodes"].as_array().unwrap().len();
     let mesh = file.json["nodes"][0]["mesh"].clone();

@@ -112,7 +112,7 @@ fn ranges_that_leave_their_buffer_name_their_place() {
 }
 
 #[test]
-fn nodes_that_are_no_forest_are_errors() {
+fn nodes_that_do_not_form_a_forest_are_errors() {
     breaks(|json| json["nodes"] = json!([{"children": [1]}, {"children": [0]}]), &["nodes[0]", "ancestor"]);
     breaks(|json| json["nodes"] = json!([{"children": [0]}]), &["nodes[0]", "ancestor"]);
     breaks(
@@ -276,7 +276,7 @@ fn instancing_attributes_must_agree() {
 }
 
 #[test]
-fn what_is_not_supported_is_refused_where_the_user_is_strict() {
+fn unsupported_parts_are_refused_when_strict() {
     let folder = tempfile::tempdir().unwrap();
     let strict = LoadOptions { strict: true, ..LoadOptions::default() };
     let refuses = |file: &File| load(&write(folder.path(), "scene.glb", &file.glb()), &strict).err();
@@ -285,15 +285,15 @@ fn what_is_not_supported_is_refused_where_the_user_is_strict() {
     extended.json["extensionsUsed"] = json!(["ABC_new"]);
     let mut lines = File::triangle();
     lines.json["meshes"][0]["primitives"][0]["mode"] = json!(1);
-    for (file, told) in [(extended, "ABC_new"), (lines, "points and lines")] {
+    for (file, reason) in [(extended, "ABC_new"), (lines, "points and lines")] {
         assert!(file.try_load().is_ok());
-        let Some(error @ SceneError::Unsupported { .. }) = refuses(&file) else { panic!("{told}") };
-        assert!(error.to_string().contains(told), "{error}");
+        let Some(error @ SceneError::Unsupported { .. }) = refuses(&file) else { panic!("{reason}") };
+        assert!(error.to_string().contains(reason), "{error}");
     }
 }
 
 #[test]
-fn a_list_is_no_object() {
+fn a_list_is_not_an_object() {
     let file = File::triangle();
     let document = &file.json;
     // Objects as arrays of their members in the order of reading: read by position, they would make a scene.
@@ -316,7 +316,7 @@ fn a_list_is_no_object() {
 }
 
 #[test]
-fn json_and_containers_are_told_apart_by_what_they_hold() {
+fn json_and_containers_are_recognized_by_their_contents() {
     let folder = tempfile::tempdir().unwrap();
     let text = json!({"asset": {"version": "2.0", "generator": "ü"}}).to_string();
     let utf16: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();

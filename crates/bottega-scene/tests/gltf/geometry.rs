@@ -282,7 +282,7 @@ fn triangles_that_no_ray_can_hit_are_left_out_and_counted() {
 }
 
 #[test]
-fn normals_that_are_no_directions_are_replaced() {
+fn normals_without_direction_are_replaced() {
     let mut file = File::triangle();
     let normals = file.floats("VEC3", &[0., 0., 0., 0., 0., 2., f32::NAN, 0., 0.]);
     file.json["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = json!(normals);
@@ -331,7 +331,7 @@ fn morph_targets_move_texture_coordinates_and_colors() {
 }
 
 #[test]
-fn more_than_eight_joints_are_told() {
+fn more_than_eight_joints_are_reported() {
     let mut file = File::triangle();
     let joints = file.accessor("VEC4", U8, 3, &[0; 12]);
     let weights = file.floats("VEC4", &[0.25; 12]);

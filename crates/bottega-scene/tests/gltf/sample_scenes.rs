@@ -188,7 +188,7 @@ fn bounds_and_mean(corners: &[Vec3]) -> [Vec3; 3] {
 }
 
 #[test]
-fn every_sample_is_what_its_json_says() {
+fn every_sample_has_the_contents_of_its_json() {
     let Some(folder) = scenes() else { return };
     let folder = folder.join("gltf");
     let mut count = 0;

@@ -160,13 +160,13 @@ fn the_default_scene_is_shown_or_else_the_first() {
 }
 
 #[test]
-fn ranges_of_lamps_are_told() {
-    for (light, is_told) in [(json!({"type": "point", "range": 3.0}), true), (json!({"type": "point"}), false)] {
+fn ranges_of_lamps_are_reported() {
+    for (light, is_reported) in [(json!({"type": "point", "range": 3.0}), true), (json!({"type": "point"}), false)] {
         let mut file = File::triangle();
         file.json["extensionsUsed"] = json!(["KHR_lights_punctual"]);
         file.json["extensions"] = json!({"KHR_lights_punctual": {"lights": [light]}});
         file.json["nodes"][0]["extensions"] = json!({"KHR_lights_punctual": {"light": 0}});
         let loaded = file.load();
-        assert_eq!((loaded.scene.lights.len(), warns(&loaded, &["lights[0].range"])), (1, is_told));
+        assert_eq!((loaded.scene.lights.len(), warns(&loaded, &["lights[0].range"])), (1, is_reported));
     }
 }

@@ -61,7 +61,7 @@ fn materials_and_pictures_of_an_obj_file() {
 }
 
 #[test]
-fn what_shines_needs_no_sky() {
+fn scenes_with_lights_get_no_sky() {
     let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nusemtl lamp\nf 1 2 3\n";
     let loaded = load_files(&[("a.obj", obj.as_bytes()), ("a.mtl", MTL.as_bytes())]);
     assert!(loaded.scene.environment.is_none() && loaded.scene.materials[0].emission.factor == Vec3::splat(5.0));
@@ -99,11 +99,11 @@ fn check_square(files: &[(&str, &[u8])], expected: &[&str]) {
     assert_eq!((min, max), (Vec3::new(-1.0, -1.0, 0.0), Vec3::new(1.0, 1.0, 0.0)), "{name}");
     let color = &loaded.scene.materials[0].layered().unwrap().base_color;
     assert_eq!(color.factor, Vec3::new(0.8, 0.1, 0.1), "{name}");
-    let told: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
-    let told: Vec<&String> = told.iter().filter(|text| !text.contains("the scene has no")).collect();
-    assert_eq!(told.len(), expected.len(), "{name}: {told:?}");
-    for (told, expected) in told.iter().zip(expected) {
-        assert!(told.contains(expected), "{name}: {told}");
+    let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    let warnings: Vec<&String> = warnings.iter().filter(|text| !text.contains("the scene has no")).collect();
+    assert_eq!(warnings.len(), expected.len(), "{name}: {warnings:?}");
+    for (warning, expected) in warnings.iter().zip(expected) {
+        assert!(warning.contains(expected), "{name}: {warning}");
     }
 }
 
@@ -162,12 +162,12 @@ fn names_of_pictures_are_found_as_other_machines_write_them() {
     const SQUARE: &str = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nusemtl t\nf 1/1 2/1 3/1\n";
     let mut png = std::io::Cursor::new(Vec::new());
     image::RgbImage::from_pixel(1, 1, image::Rgb([0, 255, 0])).write_to(&mut png, image::ImageFormat::Png).unwrap();
-    for (reference, told) in [
+    for (reference, expected) in [
         ("brick wall.png", None),
         ("\"brick wall.png\"", None),
-        ("Brick Wall.PNG", Some("`brick wall.png` is taken")),
-        ("C:\\Users\\someone\\Desktop\\brick wall.png", Some("beside the scene is taken")),
-        ("/home/other/Brick Wall.png", Some("beside the scene is taken")),
+        ("Brick Wall.PNG", Some("`brick wall.png` is used")),
+        ("C:\\Users\\someone\\Desktop\\brick wall.png", Some("beside the scene is used")),
+        ("/home/other/Brick Wall.png", Some("beside the scene is used")),
     ] {
         let mtl = format!("newmtl t\nKd 1 1 1\nmap_Kd {reference}\n");
         let files: [(&str, &[u8]); 3] =
@@ -180,13 +180,13 @@ fn names_of_pictures_are_found_as_other_machines_write_them() {
         );
         assert_eq!(green.truncate(), Vec3::Y, "{reference}: {:?}", loaded.warnings);
         let warned = loaded.warnings.iter().find(|warning| warning.place == "m.mtl, line 3").map(ToString::to_string);
-        assert_eq!(warned.is_some(), told.is_some(), "{warned:?}");
-        assert!(warned.unwrap_or_default().contains(told.unwrap_or_default()), "{reference}");
+        assert_eq!(warned.is_some(), expected.is_some(), "{warned:?}");
+        assert!(warned.unwrap_or_default().contains(expected.unwrap_or_default()), "{reference}");
     }
 }
 
 #[test]
-fn statements_of_a_library_are_followed_or_told() {
+fn statements_of_a_library_are_followed_or_reported() {
     let square = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nusemtl t\nf 1/1 2/1 3/1\n";
     let strict = |statement: &str| {
         let mtl = format!("newmtl t\nKd 1 1 1\n{statement}\n");
@@ -220,8 +220,8 @@ fn missing_maps_of_normals_are_flat() {
         let found = loaded.scene.images[0].eval(&map, Vec2::ZERO, 0.0).truncate();
         let flat = found == Vec3::ONE || (found - Vec3::new(0.5, 0.5, 1.0)).length() < 0.005;
         assert!(flat, "{statement}: {found}");
-        let is_told = loaded.warnings.iter().any(|warning| warning.message.contains("none.png"));
-        assert!(is_told, "{statement}: {:?}", loaded.warnings);
+        let is_reported = loaded.warnings.iter().any(|warning| warning.message.contains("none.png"));
+        assert!(is_reported, "{statement}: {:?}", loaded.warnings);
         let strict = try_load(&files, &LoadOptions { strict: true, ..LoadOptions::default() });
         assert!(matches!(strict, Err(SceneError::Unsupported { .. })), "{strict:?}");
     }

@@ -27,7 +27,7 @@ fn errors_name_line_and_column() {
     for (content, place, reason) in [
         ("<shape type='sphere'>", "line ", ""),
         ("<shape/>", "line 2, column 1", "type"),
-        ("\n  <shape type='sphere'><float name='radius' value='wide'/></shape>", "line 3, column 24", "no number"),
+        ("\n  <shape type='sphere'><float name='radius' value='wide'/></shape>", "line 3, column 24", "not a number"),
         ("<shape type='sphere'><float name='radius' value='-1'/></shape>", "line 2, column 22", "below 0"),
         ("<shape type='sphere'><ref id='nowhere'/></shape>", "line 2, column 22", "nowhere"),
         ("<bsdf type='null' id='a'/>\n<bsdf type='null' id='a'/>", "line 3, column 1", "already"),
@@ -39,7 +39,7 @@ fn errors_name_line_and_column() {
         ("<shape type='obj'/>", "line 2, column 1", "filename"),
         ("<sensor type='perspective'><float name='fov' value='180'/></sensor>", "line 2", "field of view"),
         ("<shape type='sphere'><string name='radius' value='1'/></shape>", "line 2, column 22", "not a number"),
-        ("<shape type='sphere'><float name='radius' value='nan'/></shape>", "line 2, column 22", "no number"),
+        ("<shape type='sphere'><float name='radius' value='nan'/></shape>", "line 2, column 22", "not a number"),
     ] {
         let error = refuse(content);
         assert!(error.contains("scene.xml") && error.contains(place) && error.contains(reason), "{content}: {error}");
@@ -47,7 +47,7 @@ fn errors_name_line_and_column() {
 }
 
 #[test]
-fn what_contains_itself_is_refused() {
+fn files_that_contain_themselves_are_refused() {
     let error =
         refuse("<bsdf type='twosided' id='a'><ref id='b'/></bsdf><bsdf type='twosided' id='b'><ref id='a'/></bsdf>");
     assert!(error.contains("itself"), "{error}");

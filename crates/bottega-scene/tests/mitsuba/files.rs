@@ -29,7 +29,7 @@ fn text_may_be_in_any_encoding() {
         ("utf-16", utf16(format!("\u{feff}{}", declared("utf-16")))),
         ("utf-16 without a mark", utf16(declared("utf-16"))),
         ("utf-16 of the other order", utf16_big(format!("\u{feff}{}", declared("utf-16")))),
-        ("utf-16 that is none", declared("utf-16").into_bytes()),
+        ("utf-16 that is not", declared("utf-16").into_bytes()),
         ("returns", SCENE.replace('\n', "\r").into_bytes()),
     ] {
         // As the scene itself, and as an included file.
@@ -51,7 +51,7 @@ fn text_in_no_encoding_is_an_error_with_its_place() {
     assert!(error.contains("scene.xml`, line 2, column 8") && error.contains("save it as UTF-8"), "{error}");
     let unknown = format!("<?xml version='1.0' encoding='klingon'?>{SCENE}");
     let error = Folder::new().with("scene.xml", unknown).load(&bare()).unwrap_err().to_string();
-    assert!(error.contains("`klingon` is not known"), "{error}");
+    assert!(error.contains("`klingon` is unknown"), "{error}");
 }
 
 #[test]
@@ -62,7 +62,7 @@ fn character_data_between_elements_is_left_out() {
 }
 
 #[test]
-fn files_of_other_machines_are_found_and_missing_ones_are_asked_for_somewhere() {
+fn files_of_other_machines_are_found_and_errors_about_missing_ones_name_their_line() {
     let mesh = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
     for name in ["Meshes/A.OBJ", "meshes\\a.obj", "D:\\work\\meshes\\a.obj", "/home/other/scene/meshes/a.obj"] {
         let shape = format!("<shape type='obj'><string name='filename' value='{name}'/></shape>");
@@ -73,12 +73,12 @@ fn files_of_other_machines_are_found_and_missing_ones_are_asked_for_somewhere() 
     let shape = "<shape type='obj'>\n<string name='filename' value='b.obj'/></shape>";
     let error = Folder::new().scene(shape).load(&bare()).unwrap_err();
     assert!(matches!(error, SceneError::Read { .. }));
-    assert!(error.to_string().contains("b.obj` (asked for by scene.xml:3:1)"), "{error}");
+    assert!(error.to_string().contains("b.obj` (requested by scene.xml:3:1)"), "{error}");
     let large = "v 0 0 0\n".repeat(10_000) + mesh;
     let small = LoadOptions { max_memory_bytes: 100_000, ..bare() };
     let error = Folder::new().scene(shape).with("b.obj", large).load(&small).unwrap_err();
     assert!(matches!(error, SceneError::Limit { .. }));
-    assert!(error.to_string().contains("b.obj`, asked for by scene.xml:3:1"), "{error}");
+    assert!(error.to_string().contains("b.obj`, requested by scene.xml:3:1"), "{error}");
 }
 
 /// A square with values per vertex and per face, like the test files of Mitsuba's `mesh_attribute`.
@@ -180,7 +180,7 @@ fn each_mesh_has_its_own_values_wherever_a_texture_can_stand() {
         assert!(mesh.colors.is_empty());
     }
     // A missing picture is reported, and 0.5 replaces it.
-    for (shape, told) in [
+    for (shape, expected) in [
         ("<shape type='ply'><string name='filename' value='a.ply'/>", "no attribute `vertex_mark`"),
         ("<shape type='sphere'>", "sphere` has no attribute"),
     ] {
@@ -189,7 +189,7 @@ fn each_mesh_has_its_own_values_wherever_a_texture_can_stand() {
             <string name='name' value='vertex_mark'/></texture></bsdf></shape>"
         );
         let loaded = Folder::new().scene(&text).with("a.ply", SQUARE).load(&bare()).unwrap();
-        assert!(loaded.warnings.iter().any(|warning| warning.message.contains(told)), "{:?}", loaded.warnings);
+        assert!(loaded.warnings.iter().any(|warning| warning.message.contains(expected)), "{:?}", loaded.warnings);
         let Surface::Diffuse(diffuse) = &loaded.scene.materials[0].surface else { panic!("it is not diffuse") };
         assert_eq!(diffuse.reflectance.eval(&loaded.scene, [Vec2::ZERO; 2], 0.0), Vec3::splat(0.5));
     }

@@ -222,14 +222,14 @@ fn headers_of_grids_that_cannot_be_true_are_refused() {
     for (at, word, problem) in [
         (0, *b"VOL\x02", "version 3"),
         (0, *b"VDB\x03", "version 3"),
-        (4, 2i32.to_le_bytes(), "no floats"),
+        (4, 2i32.to_le_bytes(), "not floats"),
         (8, 0i32.to_le_bytes(), "the 0 × 2"),
         (8, (-3i32).to_le_bytes(), "the -3 × 2"),
         (8, i32::MAX.to_le_bytes(), "2147483647 × 2"),
         (20, 2i32.to_le_bytes(), "2 channels"),
         (20, i32::MAX.to_le_bytes(), "2147483647 channels"),
-        (52, f32::NAN.to_le_bytes(), "no finite number"),
-        (188, f32::INFINITY.to_le_bytes(), "no finite number"),
+        (52, f32::NAN.to_le_bytes(), "not a finite number"),
+        (188, f32::INFINITY.to_le_bytes(), "not a finite number"),
     ] {
         let error = with(at, word);
         let place = format!("byte {at}");

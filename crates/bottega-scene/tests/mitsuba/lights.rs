@@ -3,7 +3,7 @@
 use bottega_scene::{EnvironmentMapping, LightKind, Sides, SpotFalloff, Wrap};
 use glam::{Vec2, Vec3};
 
-use crate::mitsuba::support::{Folder, bare, read, read_old, silent, told};
+use crate::mitsuba::support::{Folder, bare, read, read_old, silent, warnings};
 
 #[test]
 fn area_lights_shine_from_their_front_and_are_black_by_default() {
@@ -41,7 +41,7 @@ fn a_spot_throws_its_texture() {
             <string name='filter_type' value='nearest'/></texture></emitter>",
     );
     let loaded = folder.load(&bare()).unwrap();
-    assert_eq!(told(&loaded), Vec::<String>::new());
+    assert_eq!(warnings(&loaded), Vec::<String>::new());
     let LightKind::Projector { world_from_light, picture, intensity, vertical_fov, aspect } =
         loaded.scene.lights[0].kind
     else {
@@ -113,7 +113,7 @@ fn colours_of_pictures_are_converted_by_their_chromaticities() {
         let scene = "<emitter type='envmap'><string name='filename' value='a.exr'/></emitter>";
         let folder = Folder::new().with("a.exr", exr_of(color, chromaticities)).scene(scene);
         let loaded = folder.load(&bare()).unwrap();
-        assert_eq!(told(&loaded), Vec::<String>::new());
+        assert_eq!(warnings(&loaded), Vec::<String>::new());
         let texel = loaded.scene.images[0].texel(1, 1).truncate();
         assert!((texel - expected).abs().max_element() < 2e-3, "{texel} {expected}");
         // In a picture from the command line white stays white.
@@ -126,23 +126,23 @@ fn colours_of_pictures_are_converted_by_their_chromaticities() {
 }
 
 #[test]
-fn a_texture_that_reflects_more_than_comes_in_is_told() {
+fn a_texture_that_reflects_more_than_it_receives_is_reported() {
     let numbers = [0.5f32, 0.5, 0.5, 1.5, 0.5, 0.5].map(f32::to_le_bytes).concat();
     let scene = "<shape type='rectangle'><bsdf type='diffuse'><texture type='bitmap' name='reflectance'>
         <string name='filename' value='a.pfm'/></texture></bsdf></shape><emitter type='constant'/>";
     let folder = Folder::new().with("a.pfm", [&b"PF\n2 1\n-1\n"[..], &numbers].concat()).scene(scene);
-    let told = told(&folder.load(&bare()).unwrap());
-    assert!(told.len() == 1 && told[0].contains("a.pfm") && told[0].contains("up to 1.5"), "{told:?}");
+    let warnings = warnings(&folder.load(&bare()).unwrap());
+    assert!(warnings.len() == 1 && warnings[0].contains("a.pfm") && warnings[0].contains("up to 1.5"), "{warnings:?}");
 }
 
 #[test]
-fn a_sun_too_bright_for_its_file_is_told_and_stays_bright() {
+fn a_sun_too_bright_for_its_file_is_reported_and_stays_bright() {
     let numbers = [5.0f32, 2.0, 1.0, f32::INFINITY, f32::NAN, 3.0].map(f32::to_le_bytes).concat();
     let scene = "<emitter type='envmap'><string name='filename' value='a.pfm'/></emitter>";
     let folder = Folder::new().with("a.pfm", [&b"PF\n2 1\n-1\n"[..], &numbers].concat()).scene(scene);
     let loaded = folder.load(&bare()).unwrap();
-    let told = told(&loaded);
-    assert!(told.len() == 1 && told[0].contains("a.pfm") && told[0].contains("infinite"), "{told:?}");
+    let warnings = warnings(&loaded);
+    assert!(warnings.len() == 1 && warnings[0].contains("a.pfm") && warnings[0].contains("infinite"), "{warnings:?}");
     assert_eq!(loaded.scene.images[0].texel(1, 0).truncate(), Vec3::new(5.0, 0.0, 3.0));
 }
 
@@ -153,7 +153,7 @@ fn an_environment_ends_at_the_poles() {
         "<emitter type='envmap'><string name='filename' value='a.pfm'/><float name='scale' value='3'/></emitter>",
     );
     let loaded = folder.load(&bare()).unwrap();
-    assert_eq!(told(&loaded), Vec::<String>::new());
+    assert_eq!(warnings(&loaded), Vec::<String>::new());
     let environment = loaded.scene.environment.unwrap();
     assert_eq!(environment.mapping, EnvironmentMapping::LatitudeLongitudeToPoles);
     assert_eq!(environment.factor, Vec3::splat(3.0));
@@ -181,7 +181,7 @@ fn the_sun_stands_where_the_file_says() {
     {
         let text = format!("<emitter type='sunsky'><vector name='sun_direction' value='{direction}'/>{more}</emitter>");
         let loaded = if version_is_old { read_old(&text) } else { read(&text) };
-        assert_eq!(told(&loaded).len(), usize::from(version_is_old), "{:?}", told(&loaded));
+        assert_eq!(warnings(&loaded).len(), usize::from(version_is_old), "{:?}", warnings(&loaded));
         let environment = loaded.scene.environment.as_ref().unwrap();
         let image = &loaded.scene.images[environment.image.unwrap().0 as usize];
         let (width, height) = image.size();
@@ -223,7 +223,7 @@ fn the_default_sun_is_that_of_mitsuba() {
 }
 
 #[test]
-fn a_second_environment_is_told() {
+fn a_second_environment_is_reported() {
     let loaded = read("<emitter type='constant'/><emitter type='constant'/>");
-    assert!(told(&loaded)[0].contains("second environment"), "{:?}", told(&loaded));
+    assert!(warnings(&loaded)[0].contains("second environment"), "{:?}", warnings(&loaded));
 }

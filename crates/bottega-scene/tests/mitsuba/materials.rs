@@ -6,7 +6,7 @@ use bottega_scene::{
 };
 use glam::{Vec2, Vec3};
 
-use crate::mitsuba::support::{Folder, bare, read, read_old, silent, told};
+use crate::mitsuba::support::{Folder, bare, read, read_old, silent, warnings};
 
 fn material(bsdf: &str) -> Material {
     let loaded = silent(&format!("<shape type='rectangle'>{bsdf}</shape>"));
@@ -50,7 +50,7 @@ fn defaults_are_those_of_mitsuba() {
 }
 
 #[test]
-fn hair_absorbs_what_its_pigments_or_its_coefficient_say() {
+fn hair_absorbs_by_its_pigments_or_its_coefficient() {
     let hair = |inner: &str| match material(&format!("<bsdf type='hair'>{inner}</bsdf>")).surface {
         Surface::Hair(hair) => *hair,
         other => panic!("{other:?}"),
@@ -91,7 +91,7 @@ fn metals_are_known_by_name_and_by_number() {
 }
 
 #[test]
-fn masks_blends_and_reliefs_wrap_what_is_within() {
+fn masks_blends_and_reliefs_wrap_their_inner_materials() {
     let mask = material(
         "<bsdf type='mask'><float name='opacity' value='0.25'/><bsdf type='twosided'><bsdf type='diffuse'/></bsdf></bsdf>",
     );
@@ -143,7 +143,7 @@ fn colors_come_in_many_ways() {
     assert!((spectrum - Vec3::new(0.958_689, 0.446_356, 0.105_71)).length() < 2e-3, "{spectrum}");
     let loaded =
         read("<shape type='sphere'><bsdf type='diffuse'><rgb name='reflectance' value='1.5 -1 0.5'/></bsdf></shape>");
-    assert!(told(&loaded)[0].contains("out of range"), "{:?}", told(&loaded));
+    assert!(warnings(&loaded)[0].contains("out of range"), "{:?}", warnings(&loaded));
 }
 
 #[test]
@@ -155,7 +155,7 @@ fn pictures_are_laid_out_as_the_file_says() {
     let folder = Folder::new().scene(&format!("<shape type='rectangle'>{bitmap}</shape>"));
     let loaded = folder.load(&bare()).unwrap();
     // The picture is missing: magenta replaces it, with a warning.
-    assert!(told(&loaded)[0].contains("a.bmp"), "{:?}", told(&loaded));
+    assert!(warnings(&loaded)[0].contains("a.bmp"), "{:?}", warnings(&loaded));
     let Surface::Diffuse(diffuse) = &loaded.scene.materials[0].surface else { panic!() };
     let map = diffuse.reflectance.texture.as_ref().unwrap();
     assert_eq!((map.wrap_u, map.smooth), (Wrap::Mirror, false));
@@ -213,7 +213,7 @@ fn scattering_and_absorption_vary_each_by_its_own_grid() {
             .with("s.vol", grid([1.0, 3.0]))
             .with("a.vol", grid([0.5, 0.0]));
         let loaded = folder.load(&bare()).unwrap();
-        assert_eq!(told(&loaded), Vec::<String>::new());
+        assert_eq!(warnings(&loaded), Vec::<String>::new());
         let medium = loaded.scene.media[0].clone();
         let at = |x: f32| medium.coefficients(medium.variation.as_ref().unwrap(), Vec3::new(x, 0.5, 0.5));
         [0.25, 0.75].map(|x| (at(x).absorption.x, at(x).scattering.x))
@@ -258,7 +258,7 @@ fn lamps_under_masks_are_met_everywhere() {
 }
 
 #[test]
-fn what_stands_for_missing_pictures_goes_by_their_use() {
+fn missing_pictures_are_replaced_by_their_use() {
     let bitmap = |name: &str| {
         format!(
             "<texture type='bitmap' name='{name}'><boolean name='raw' value='true'/><string name='filename' value='none.png'/></texture>"
@@ -266,7 +266,7 @@ fn what_stands_for_missing_pictures_goes_by_their_use() {
     };
     let texel = |bsdf: String| {
         let loaded = read(&format!("<shape type='rectangle'>{bsdf}</shape>"));
-        assert!(told(&loaded)[0].contains("none.png"), "{:?}", told(&loaded));
+        assert!(warnings(&loaded)[0].contains("none.png"), "{:?}", warnings(&loaded));
         loaded.scene.images[0]
             .eval(&bottega_scene::TextureMap::new(bottega_scene::ImageId(0)), Vec2::ZERO, 0.0)
             .truncate()

@@ -3,7 +3,7 @@
 use bottega_scene::{LoadOptions, Surface};
 use glam::Vec3;
 
-use crate::mitsuba::support::{Folder, bare, read, read_old, refuse, silent, told};
+use crate::mitsuba::support::{Folder, bare, read, read_old, refuse, silent, warnings};
 
 fn reflectance(loaded: &bottega_scene::Loaded) -> Vec3 {
     match &loaded.scene.materials[0].surface {
@@ -23,7 +23,7 @@ fn parameters_have_defaults_that_the_user_overrides() {
     let defines = vec![("albedo".into(), "0.1 0.2 0.3".into()), ("unknown".into(), "1".into())];
     let loaded = folder.load(&LoadOptions { defines, ..bare() }).unwrap();
     assert_eq!(reflectance(&loaded), Vec3::new(0.1, 0.2, 0.3));
-    assert_eq!(told(&loaded), ["no parameter of the scene is called `unknown`"]);
+    assert_eq!(warnings(&loaded), ["no parameter of the scene is called `unknown`"]);
 }
 
 #[test]
@@ -79,7 +79,7 @@ fn names_of_the_old_line_are_understood() {
             <bsdf type='dielectric'><string name='intIOR' value='water'/><float name='extIOR' value='1'/></bsdf></shape>
          <shape type='sphere'><bsdf type='diffuse'><srgb name='reflectance' value='#808080'/></bsdf></shape>",
     );
-    assert_eq!(told(&loaded), Vec::<String>::new());
+    assert_eq!(warnings(&loaded), Vec::<String>::new());
     assert_eq!(loaded.hints.max_depth, Some(4));
     assert_eq!(loaded.hints.resolution, Some([64, 32]));
     assert_eq!(loaded.scene.spheres[0].radius, 2.0);
@@ -94,22 +94,22 @@ fn names_of_the_old_line_are_understood() {
 }
 
 #[test]
-fn what_is_not_known_is_told_with_its_place_and_refused_when_strict() {
+fn unknown_parameters_are_reported_with_their_place_and_refused_when_strict() {
     let text = "<shape type='sphere'>\n<float name='wobble' value='1'/>\n<bsdf type='velvet'><rgb name='a' value='1'/></bsdf></shape>\n<shape type='teapot'/><shape type='teapot'/>";
     let loaded = read(text);
     let expected = [
-        "scene.xml:4:1: the bsdf `velvet` is not supported; gray diffuse stands for it",
+        "scene.xml:4:1: the bsdf `velvet` is not supported; gray diffuse replaces it",
         "scene.xml:5:1: the shape `teapot` is not supported and left out (and at another place)",
         "scene.xml:3:1: `wobble` of the shape `sphere` is left out",
     ];
-    assert_eq!(told(&loaded), expected);
+    assert_eq!(warnings(&loaded), expected);
     let error = Folder::new().scene(text).load(&LoadOptions { strict: true, ..bare() }).unwrap_err().to_string();
     assert!(expected.iter().all(|line| error.contains(line)), "{error}");
     assert!(Folder::new().scene("<shape type='sphere'/>").load(&LoadOptions { strict: true, ..bare() }).is_ok());
 }
 
 #[test]
-fn what_is_known_and_not_followed_is_refused_when_strict() {
+fn known_but_unsupported_parameters_are_refused_when_strict() {
     let sensor = |within: &str| format!("<sensor type='perspective'>{within}</sensor>");
     let film = |within: &str| sensor(&format!("<film type='hdrfilm'>{within}</film>"));
     let cases = [
@@ -131,12 +131,12 @@ fn what_is_known_and_not_followed_is_refused_when_strict() {
     for text in cases {
         let strict = Folder::new().scene(&text).load(&LoadOptions { strict: true, ..bare() });
         assert!(matches!(strict, Err(bottega_scene::SceneError::Unsupported { .. })), "{text}: {strict:?}");
-        assert!(!told(&read(&text)).is_empty(), "{text}");
+        assert!(!warnings(&read(&text)).is_empty(), "{text}");
     }
 }
 
 #[test]
-fn what_changes_no_picture_is_not_told() {
+fn parameters_without_effect_are_not_reported() {
     silent(
         "<integrator type='direct'><integer name='emitter_samples' value='4'/><integer name='bsdf_samples' value='2'/>
             <integer name='samples_per_pass' value='4'/></integrator>
@@ -156,7 +156,7 @@ fn lamps_that_are_never_sampled_are_out() {
     assert_eq!(silent(&lamp("0.5")).scene.lights.len(), 1);
     let loaded = read(&lamp("0"));
     assert!(loaded.scene.lights.is_empty());
-    assert!(told(&loaded)[0].contains("sampling_weight"), "{:?}", told(&loaded));
+    assert!(warnings(&loaded)[0].contains("sampling_weight"), "{:?}", warnings(&loaded));
 }
 
 #[test]
@@ -170,7 +170,7 @@ fn rotations_about_long_axes_scale_but_for_the_old_line() {
     // The transformed corner (1, 1, 0) by Mitsuba 3.9.1.
     let expected = Vec3::new(0.123_256_84, 1.642_787_6, -0.408_832_04);
     assert!(corners(&loaded).iter().any(|p| (*p - expected).length() < 1e-5), "{:?}", corners(&loaded));
-    assert!(told(&loaded)[0].contains("unit length"), "{:?}", told(&loaded));
+    assert!(warnings(&loaded)[0].contains("unit length"), "{:?}", warnings(&loaded));
     let old = read_old(&shape(axis));
     assert!(corners(&old).iter().all(|p| (p.length_squared() - 2.0).abs() < 1e-5), "{:?}", corners(&old));
     for unit in ["y='1'", "x='0.6' z='-0.8'"] {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use bottega_scene::LoadOptions;
 
-use crate::mitsuba::support::told;
+use crate::mitsuba::support::warnings;
 
 fn scenes() -> Option<PathBuf> {
     let folder = std::env::var_os("BOTTEGA_SCENES").filter(|folder| !folder.is_empty()).map(PathBuf::from);
@@ -36,7 +36,7 @@ fn they_load_without_a_word() {
     let options = LoadOptions { allow_outside: true, ..LoadOptions::default() };
     for file in files {
         let loaded = bottega_scene::load(&file, &options).unwrap_or_else(|error| panic!("{error}"));
-        assert_eq!(told(&loaded), Vec::<String>::new(), "{}", file.display());
+        assert_eq!(warnings(&loaded), Vec::<String>::new(), "{}", file.display());
         assert_eq!(loaded.scene.cameras.len(), 1);
         assert!(loaded.scene.has_light());
         assert!(loaded.hints.resolution.is_some() && loaded.hints.max_depth.is_some());

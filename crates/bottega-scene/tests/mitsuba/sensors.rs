@@ -1,9 +1,9 @@
 //! Cameras, films and maximum path depths.
 
-use bottega_scene::{Camera, Clip, FilmFilter, Follows, FovAxis, PhotonHints, Projection};
+use bottega_scene::{Camera, Clip, FilmFilter, FovAxis, PhotonHints, Projection, TransportPaths};
 use glam::{Vec2, Vec3};
 
-use crate::mitsuba::support::{read, read_old, refuse, silent, told};
+use crate::mitsuba::support::{read, read_old, refuse, silent, warnings};
 
 /// The direction in which a camera looks at a point of the picture, (0, 0) in its upper left corner; world space.
 fn direction(camera: &Camera, at: Vec2) -> Vec3 {
@@ -92,48 +92,52 @@ fn film_and_integrator_become_hints() {
     for (format, alpha) in [("rgba", true), ("luminance_alpha", true), ("rgb", false), ("luminance", false)] {
         let film = format!("<film type='hdrfilm'><string name='pixel_format' value='{format}'/></film>");
         let loaded = read(&format!("<sensor type='perspective'>{film}</sensor>"));
-        assert_eq!((loaded.hints.alpha, told(&loaded).len()), (alpha, usize::from(format.contains("lum"))), "{format}");
+        assert_eq!(
+            (loaded.hints.alpha, warnings(&loaded).len()),
+            (alpha, usize::from(format.contains("lum"))),
+            "{format}"
+        );
     }
     let loaded = read(
         "<integrator type='bdpt'/><sensor type='perspective'><film type='hdrfilm'><rfilter type='lanczos'/></film></sensor>",
     );
-    assert_eq!(told(&loaded).len(), 1, "{:?}", told(&loaded));
+    assert_eq!(warnings(&loaded).len(), 1, "{:?}", warnings(&loaded));
 }
 
 #[test]
 fn integrators_say_from_where_they_follow_light() {
-    let paths = Follows::Paths { is_ours: true };
+    let paths = TransportPaths::Paths { is_ours: true };
     let cases = [
         ("path", paths),
         ("volpath", paths),
         ("direct", paths),
-        ("prb", Follows::Paths { is_ours: false }),
-        ("bdpt", Follows::BothEnds),
-        ("mlt", Follows::BothEnds),
-        ("ptracer", Follows::BothEnds),
-        ("ppm", Follows::Photons(PhotonHints::default())),
+        ("prb", TransportPaths::Paths { is_ours: false }),
+        ("bdpt", TransportPaths::BothEnds),
+        ("mlt", TransportPaths::BothEnds),
+        ("ptracer", TransportPaths::BothEnds),
+        ("ppm", TransportPaths::Photons(PhotonHints::default())),
     ];
     for (name, follows) in cases {
         let hint = silent(&format!("<integrator type='{name}'/>")).hints.integrator.expect(name);
         assert_eq!((hint.name.as_str(), hint.place.as_str(), hint.follows), (name, "scene.xml:2:1", follows));
     }
     assert_eq!(silent("").hints.integrator, None);
-    assert_eq!(told(&read("<integrator type='depth'/>")).len(), 1);
+    assert_eq!(warnings(&read("<integrator type='depth'/>")).len(), 1);
     let old = read_old(
         "<integrator type='sppm'><integer name='maxDepth' value='5'/><integer name='photonCount' value='7000'/>
          <float name='initialRadius' value='0.25'/><integer name='maxPasses' value='12'/></integrator>",
     );
     let hints = PhotonHints { count: Some(7000), radius: Some(0.25), ..PhotonHints::default() };
-    assert_eq!(told(&old), Vec::<String>::new());
-    assert_eq!(old.hints.integrator.map(|hint| hint.follows), Some(Follows::Photons(hints)));
+    assert_eq!(warnings(&old), Vec::<String>::new());
+    assert_eq!(old.hints.integrator.map(|hint| hint.follows), Some(TransportPaths::Photons(hints)));
     assert_eq!((old.hints.samples, old.hints.max_depth), (Some(12), Some(4)));
     let old = read_old(
         "<integrator type='photonmapper'><integer name='globalPhotons' value='9000'/><integer name='lookupSize' value='80'/>
          <float name='globalLookupRadius' value='0.03'/></integrator>",
     );
     let hints = PhotonHints { radius_share: Some(0.03), gather: Some(80), ..PhotonHints::default() };
-    assert_eq!(told(&old), Vec::<String>::new());
-    assert_eq!(old.hints.integrator.map(|hint| hint.follows), Some(Follows::Photons(hints)));
+    assert_eq!(warnings(&old), Vec::<String>::new());
+    assert_eq!(old.hints.integrator.map(|hint| hint.follows), Some(TransportPaths::Photons(hints)));
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use bottega_scene::{CurveLook, Mesh, Scene, Sides, Surface};
 use glam::{Affine3A, Quat, Vec2, Vec3};
 
-use crate::mitsuba::support::{Folder, bare, read, silent, told};
+use crate::mitsuba::support::{Folder, bare, read, silent, warnings};
 
 /// The front normal of the first triangle of an instance, world space.
 fn front(scene: &Scene, instance: usize) -> Vec3 {
@@ -209,7 +209,7 @@ fn a_mesh_and_a_picture_that_are_used_often_are_there_once() {
     let folder = Folder::new().with("a.obj", obj).with("a.pfm", picture).scene(&content);
     let loaded = folder.load(&bare()).unwrap();
     let scene = &loaded.scene;
-    assert_eq!(told(&loaded), Vec::<String>::new());
+    assert_eq!(warnings(&loaded), Vec::<String>::new());
     // One with that material, its mirror image, and one with the other material.
     assert_eq!((scene.meshes.len(), scene.instances.len(), scene.images.len()), (3, 5, 1));
     assert_eq!(scene.instances[1].mesh, scene.instances[0].mesh);
@@ -228,7 +228,7 @@ fn normal_maps_bring_tangents_as_mitsuba_has_them() {
 }
 
 #[test]
-fn vertex_colors_are_kept_where_they_are_asked_for() {
+fn vertex_colors_are_kept_where_a_texture_uses_them() {
     let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty float r\nproperty float g\nproperty float b\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0 1 0 0\n1 0 0 0 1 0\n0 1 0 0 0.5 0\n3 0 1 2\n";
     let load = |bsdf: &str| {
         let content = format!("<shape type='ply'><string name='filename' value='a.ply'/>{bsdf}</shape>");
@@ -265,7 +265,7 @@ fn faces_have_colors_of_their_own() {
     for ply in [ascii.into_bytes(), binary] {
         let loaded = Folder::new().with("a.ply", ply).scene(content).load(&bare()).unwrap();
         let mesh = &loaded.scene.meshes[0];
-        assert_eq!(told(&loaded), Vec::<String>::new());
+        assert_eq!(warnings(&loaded), Vec::<String>::new());
         // A square is two triangles of its colour; each has corners of its own.
         let colors: Vec<Vec3> = mesh.triangles.iter().map(|t| mesh.colors[t[0] as usize].truncate()).collect();
         assert_eq!(colors, [Vec3::new(0.5, 0.0, 1.0), Vec3::new(0.5, 0.0, 1.0), Vec3::new(0.0, 0.25, 0.0)]);
@@ -274,17 +274,21 @@ fn faces_have_colors_of_their_own() {
 }
 
 #[test]
-fn mesh_colors_that_are_not_there_are_told() {
+fn missing_mesh_colors_are_reported() {
     let loaded = read("<shape type='sphere'><bsdf type='roughconductor'>
         <texture type='mesh_attribute' name='alpha'><string name='name' value='vertex_color'/></texture></bsdf></shape>");
-    assert!(told(&loaded)[0].contains("has no attribute `vertex_color`; 0.5 stands for it"), "{:?}", told(&loaded));
+    assert!(
+        warnings(&loaded)[0].contains("has no attribute `vertex_color`; 0.5 replaces it"),
+        "{:?}",
+        warnings(&loaded)
+    );
 }
 
 #[test]
-fn a_shape_without_volume_is_told_and_left_out() {
+fn a_shape_without_volume_is_reported_and_left_out() {
     let loaded = read("<shape type='cube'><transform name='to_world'><scale x='0'/></transform></shape>");
     assert!(loaded.scene.instances.is_empty());
-    assert!(told(&loaded)[0].contains("squeezed flat"), "{:?}", told(&loaded));
+    assert!(warnings(&loaded)[0].contains("squeezed flat"), "{:?}", warnings(&loaded));
 }
 
 #[test]
@@ -294,7 +298,7 @@ fn a_mesh_without_triangles_is_left_out() {
         .scene("<shape type='obj'><string name='filename' value='points.obj'/></shape><shape type='rectangle'/>");
     let loaded = folder.load(&bare()).unwrap();
     assert_eq!((loaded.scene.instances.len(), loaded.scene.triangle_count()), (1, 2));
-    assert!(told(&loaded)[0].contains("has no triangles"), "{:?}", told(&loaded));
+    assert!(warnings(&loaded)[0].contains("has no triangles"), "{:?}", warnings(&loaded));
 }
 
 /// The file in Mitsuba's documentation of `linearcurve`, shortened, and one for `bsplinecurve`.
@@ -311,7 +315,7 @@ fn curves_keep_their_radii_whatever_moves_them() {
     let scaled = "<transform name='to_world'><scale x='3' y='-2'/></transform>";
     for (inner, x, y) in [("", 1.0, 1.0), (scaled, 3.0, 2.0)] {
         let loaded = curves("linearcurve", CURVES, inner);
-        assert_eq!(told(&loaded), Vec::<String>::new());
+        assert_eq!(warnings(&loaded), Vec::<String>::new());
         // Cylinders between, spheres at the ends.
         let expected = 2.0 * PI * (0.1 * 2.0 * x + 0.2 * 3.0 * y) + 4.0 * PI * (0.01 + 0.04);
         assert!((world_area(&loaded.scene) / expected - 1.0).abs() < 5e-3, "{} {expected}", world_area(&loaded.scene));

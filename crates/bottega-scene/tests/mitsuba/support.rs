@@ -60,7 +60,7 @@ pub(crate) fn refuse(content: &str) -> String {
 }
 
 /// The warnings about a scene, except that it has no camera, no light or no surface.
-pub(crate) fn told(loaded: &Loaded) -> Vec<String> {
+pub(crate) fn warnings(loaded: &Loaded) -> Vec<String> {
     let is_trivial = |message: &str| message.starts_with("the scene has no ");
     loaded.warnings.iter().filter(|warning| !is_trivial(&warning.message)).map(ToString::to_string).collect()
 }
@@ -68,6 +68,6 @@ pub(crate) fn told(loaded: &Loaded) -> Vec<String> {
 /// Reads a scene that must give no warnings.
 pub(crate) fn silent(content: &str) -> Loaded {
     let loaded = read(content);
-    assert_eq!(told(&loaded), Vec::<String>::new(), "{content}");
+    assert_eq!(warnings(&loaded), Vec::<String>::new(), "{content}");
     loaded
 }

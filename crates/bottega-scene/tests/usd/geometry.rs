@@ -151,7 +151,7 @@ fn a_stage_with_z_up_is_turned() {
 }
 
 #[test]
-fn what_is_not_drawn_is_not_there() {
+fn invisible_prims_are_left_out() {
     let text = |more: &str| format!("def Xform \"a\" {{ {more}\ndef Mesh \"m\" {{ {TRIANGLE} }} }}");
     for hidden in
         ["token visibility = \"invisible\"", "uniform token purpose = \"proxy\"", "uniform token purpose = \"guide\""]

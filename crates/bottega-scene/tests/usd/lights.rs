@@ -130,7 +130,7 @@ fn a_surface_that_is_a_light_shines() {
 }
 
 #[test]
-fn what_lights_have_and_ours_lack_is_named() {
+fn unsupported_properties_of_lights_are_named() {
     let loaded = stage(
         "def SphereLight \"l\" ( prepend apiSchemas = [\"ShapingAPI\"] ) { float inputs:specular = 0\nasset inputs:shaping:ies:file = @a.ies@\n\
          float inputs:shaping:focus = 2 }\ndef PortalLight \"p\" {}\n\

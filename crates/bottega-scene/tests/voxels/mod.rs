@@ -151,7 +151,7 @@ fn a_scene_of_voxels_is_saved_as_it_is() {
 }
 
 #[test]
-fn what_cannot_be_read_is_named() {
+fn unreadable_grids_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.vdb");
     let refused = |bytes: &[u8]| {

@@ -98,12 +98,12 @@ impl Bench {
         }
         encoder.copy_buffer_to_buffer(&bound[3], 0, &back, 0, size);
         self.queue.submit([encoder.finish()]);
-        let (told, heard) = mpsc::channel();
-        back.map_async(wgpu::MapMode::Read, .., move |outcome| told.send(outcome).unwrap());
+        let (sender, receiver) = mpsc::channel();
+        back.map_async(wgpu::MapMode::Read, .., move |outcome| sender.send(outcome).unwrap());
         self.device
             .poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(Duration::from_secs(300)) })
             .unwrap();
-        heard.recv().unwrap().unwrap();
+        receiver.recv().unwrap().unwrap();
         let view = back.get_mapped_range(..).unwrap();
         bytemuck::cast_slice(&view).to_vec()
     }

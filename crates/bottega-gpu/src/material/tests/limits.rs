@@ -68,7 +68,7 @@ fn clear_coats_may_differ_in_thickness_from_place_to_place() {
 }
 
 #[test]
-fn what_devices_do_not_have_is_told_by_name() {
+fn unsupported_features_are_named() {
     let mut rough = Facets::from(0.3);
     rough.roughness[0].texture = Some((TextureMap::new(ImageId(0)), Channel::G));
     let unsupported = EncodedMaterials::new(&scene(coat(rough, 1.0)), &[]).unwrap_err();
@@ -80,11 +80,11 @@ fn what_devices_do_not_have_is_told_by_name() {
     let color = ColorParam { factor: Spectrum::ONE, texture: Some(in_space) };
     let scene = Scene { mappings: vec![mapping], ..scene(Surface::Unlit(color)) };
     let unsupported = EncodedMaterials::new(&scene, &[]).unwrap_err();
-    assert_eq!(unsupported.to_string(), "not for a GPU: textures that lie by a place in the world");
+    assert_eq!(unsupported.to_string(), "not for a GPU: textures mapped by world position");
 }
 
 #[test]
-fn blends_within_blends_reach_their_last_surface_and_are_told_where_they_are_too_deep() {
+fn blends_within_blends_reach_their_last_surface_and_too_deep_ones_are_reported() {
     let Some(bench) = Bench::new(SHADER, Features::ALL) else { return };
     let nested = |depth: u32| {
         (0..depth).fold(Surface::matte(Spectrum::splat(0.5)), |inner, _| Surface::Blend {

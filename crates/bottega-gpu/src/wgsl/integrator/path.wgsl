@@ -50,8 +50,8 @@ fn meet(path: u32, depth: u32) {
         set_field(PATH_NORMAL, path, vec4(point.n, field(PATH_NORMAL, path).w + t));
     }
     var found = field(PATH_RADIANCE, path);
-    let asked = field(PATH_RECEIVER, path);
-    let wants_albedo = asked.w > 0.5;
+    let receiver_field = field(PATH_RECEIVER, path);
+    let wants_albedo = receiver_field.w > 0.5;
     // End at an unlit surface, with its color.
     if (point.flags & MATERIAL_UNLIT) != 0u {
         let shown = material_unlit(point.material, point.uv0, point.uv1, point.footprint) * point.color.xyz;

@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::super::{
     network::Network,
     probe::SensorKind,
-    sensing::{Discovery, Sensing, SensorReadings},
+    sensing::{Discovery, SensingContext, SensorReadings},
     swarm::{Swarm, has_number},
     visibility::ShadowVerdict,
 };
@@ -23,10 +23,10 @@ const DOUBT: f32 = 0.02;
 /// Lets agents test the visibility of their lights from points around them.
 ///
 /// - `numbers`: numbers of the sensors, which lie on a disc of the neighbourhood's radius.
-pub(in crate::ala) fn look(sensing: &Sensing<'_>, who: &[u32], numbers: Range<u32>) -> SensorReadings {
+pub(in crate::ala) fn look(sensing: &SensingContext<'_>, agents: &[u32], numbers: Range<u32>) -> SensorReadings {
     let mut sensed = SensorReadings::default();
     let count = numbers.len() as f32;
-    for &index in who {
+    for &index in agents {
         let probe = sensing.probe(index);
         let mut discovery = Discovery::default();
         for number in numbers.clone() {

@@ -3,7 +3,7 @@
 use super::super::{
     map::{Agents, LightUse},
     probe::SensorKind,
-    sensing::{Candidate, Sensing, SensorReadings},
+    sensing::{Candidate, SensingContext, SensorReadings},
 };
 use crate::integrator::{GatherBuffers, SensorPlace as Place};
 
@@ -11,10 +11,14 @@ use crate::integrator::{GatherBuffers, SensorPlace as Place};
 const BACK_REACH: f32 = 0.05;
 
 /// Measures irradiance at those candidates whose light the other records do not know.
-pub(in crate::ala) fn measure(sensing: &Sensing<'_>, who: &[Candidate], others: &Agents) -> SensorReadings {
+pub(in crate::ala) fn measure(
+    sensing: &SensingContext<'_>,
+    candidates: &[Candidate],
+    others: &Agents,
+) -> SensorReadings {
     let mut sensed = SensorReadings::default();
     let mut buffers = GatherBuffers::of_sensor(sensing.integrator);
-    for &Candidate { index, is_back } in who {
+    for &Candidate { index, is_back } in candidates {
         let probe = sensing.probe(index);
         let normal = if is_back { -probe.agent.normal } else { probe.agent.normal };
         let is_directed = !probe.agent.is_matte;

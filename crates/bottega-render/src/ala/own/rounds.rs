@@ -44,10 +44,11 @@ pub(in crate::ala) fn sense(
         let all = candidates(swarm, settings);
         let (mut first, mut count) = (0, FIRST_ROUND);
         while first < all.len() && agents.has_room() {
-            let who: Arc<[Candidate]> = all[first..all.len().min(first + count)].into();
+            let candidates: Arc<[Candidate]> = all[first..all.len().min(first + count)].into();
             let others = Arc::new(agents.settled());
-            let errand = |part| SensingTask::Measure { who: Arc::clone(&who), part, others: Arc::clone(&others) };
-            let mut found = run(parts(who.len() as u32, MEASURING).map(errand).collect())?;
+            let task =
+                |part| SensingTask::Measure { candidates: Arc::clone(&candidates), part, others: Arc::clone(&others) };
+            let mut found = run(parts(candidates.len() as u32, MEASURING).map(task).collect())?;
             (first, count) = (first + count, 2 * count);
             if !found.records.is_empty() {
                 agents = Arc::new(agents.with_records(std::mem::take(&mut found.records)));
@@ -66,15 +67,15 @@ fn look_for_lights(
     run: &mut Run<'_>,
 ) -> Result<Vec<ShadowVerdict>, RenderError> {
     let mut discoveries: Vec<Discovery> = look::arrivals(swarm);
-    let mut who: Vec<u32> = (0..swarm.len() as u32).filter(|&index| look::can_answer(swarm, index)).collect();
+    let mut doubtful: Vec<u32> = (0..swarm.len() as u32).filter(|&index| look::can_answer(swarm, index)).collect();
     for numbers in [0..FIRST, FIRST..ALL] {
-        let round: Arc<[u32]> = who.into();
-        let errand = |part| SensingTask::Look { who: Arc::clone(&round), part, numbers: numbers.clone() };
-        let found = run(parts(round.len() as u32, SENSING).map(errand).collect())?;
+        let round: Arc<[u32]> = doubtful.into();
+        let task = |part| SensingTask::Look { agents: Arc::clone(&round), part, numbers: numbers.clone() };
+        let found = run(parts(round.len() as u32, SENSING).map(task).collect())?;
         round.iter().zip(found.discoveries).for_each(|(&index, part)| discoveries[index as usize].join(part));
         sensors.iter_mut().zip(found.sensors).for_each(|(sum, part)| *sum += part);
-        who = look::doubtful(network, &discoveries);
-        who.retain(|&index| look::can_answer(swarm, index));
+        doubtful = look::doubtful(network, &discoveries);
+        doubtful.retain(|&index| look::can_answer(swarm, index));
     }
     Ok(look::answers(network, &discoveries))
 }

@@ -12,10 +12,10 @@ use super::{
     super::{
         agent::meets,
         probe::{Probe, SURFACES_MAX, SensorKind},
-        sensing::{Discovery, Sensing, SensorReadings},
+        sensing::{Discovery, SensingContext, SensorReadings},
         swarm::{NEAREST, has_number},
     },
-    miner::{Miner, Tool},
+    miner::{Miner, SensorParams},
 };
 use crate::{
     color::luminance,
@@ -47,7 +47,7 @@ const SAME_WAY: f32 = 0.9;
 /// Relative difference of irradiance with zero interest.
 const IRRADIANCE_GRADIENT: f32 = 0.12;
 /// Lets agents dig for gold, one after the other.
-pub(in crate::ala) fn dig(sensing: &Sensing<'_>, indices: Range<u32>) -> SensorReadings {
+pub(in crate::ala) fn dig(sensing: &SensingContext<'_>, indices: Range<u32>) -> SensorReadings {
     let mut sensed = SensorReadings::default();
     let (mut found, mut buffers) = (Nearest::new(2 * NEAREST), GatherBuffers::new(sensing.integrator).with_bounces());
     for index in indices {
@@ -61,7 +61,7 @@ pub(in crate::ala) fn dig(sensing: &Sensing<'_>, indices: Range<u32>) -> SensorR
 
 /// An agent that deploys sensors.
 struct Scout<'a, 'b> {
-    sensing: &'a Sensing<'a>,
+    sensing: &'a SensingContext<'a>,
     probe: Probe<'a>,
     index: u32,
     found: &'b mut Nearest,
@@ -86,8 +86,8 @@ impl Scout<'_, '_> {
 
     /// Runs the gold miner with one kind of sensor. `deploy` receives the number of a sensor and its distance from the
     /// agent, and returns its coefficient of interest.
-    fn dig(&mut self, kind: SensorKind, tool: Tool, mut deploy: impl FnMut(&mut Self, u32, f32) -> f32) {
-        let mut miner = Miner::new(tool);
+    fn dig(&mut self, kind: SensorKind, params: SensorParams, mut deploy: impl FnMut(&mut Self, u32, f32) -> f32) {
+        let mut miner = Miner::new(params);
         while let Some((number, distance)) = miner.next() {
             let sigma = deploy(self, number, distance);
             miner.take(sigma);
@@ -97,9 +97,9 @@ impl Scout<'_, '_> {
 
     /// Returns the mean geometry gradient: 1 where objects are as far away as on average.
     fn sense_geometry(&mut self) -> f32 {
-        let tool = Tool { few: 2, many: 6, most: 8, step: self.probe.reach / 8.0, excitement: TOIL };
+        let params = SensorParams { few: 2, many: 6, most: 8, step: self.probe.reach / 8.0, excitement: TOIL };
         let (mut sum, mut count) = (0.0, 0.0_f32);
-        self.dig(SensorKind::Geometry, tool, |scout, number, distance| {
+        self.dig(SensorKind::Geometry, params, |scout, number, distance| {
             let Some(point) = scout.probe.place(SensorKind::Geometry, number, distance, scout.probe.agent.normal)
             else {
                 return EDGE;
@@ -127,9 +127,9 @@ impl Scout<'_, '_> {
 
     /// Returns the mean coefficient of interest of the agent density, in [−1, 1]: below 0 where it is usual.
     fn sense_proximity(&mut self) -> f32 {
-        let tool = Tool { few: 1, many: 3, most: 4, step: self.probe.reach / 4.0, excitement: TOIL };
+        let params = SensorParams { few: 1, many: 3, most: 4, step: self.probe.reach / 4.0, excitement: TOIL };
         let (mut sum, mut count) = (0.0, 0.0);
-        self.dig(SensorKind::Proximity, tool, |scout, number, distance| {
+        self.dig(SensorKind::Proximity, params, |scout, number, distance| {
             let value = scout.proximity_at(scout.probe.beside(
                 SensorKind::Proximity,
                 number,
@@ -165,8 +165,8 @@ impl Scout<'_, '_> {
         if !has_number(self.probe.agent.light) || self.probe.prepared.has_opacity() {
             return counts;
         }
-        let tool = Tool { few: 4, many: 16, most: 24, step: self.probe.reach / 12.0, excitement };
-        self.dig(SensorKind::Penumbra, tool, |scout, number, distance| {
+        let params = SensorParams { few: 4, many: 16, most: 24, step: self.probe.reach / 12.0, excitement };
+        self.dig(SensorKind::Penumbra, params, |scout, number, distance| {
             let Some(point) = scout.probe.place(SensorKind::Penumbra, number, distance, scout.probe.agent.normal)
             else {
                 return 0.0;
@@ -204,9 +204,9 @@ impl Scout<'_, '_> {
             return;
         }
         for normal in [agent.normal, -agent.normal] {
-            let tool = Tool { few: 2, many: 6, most: 10, step: 0.4 * spacing, excitement: TOIL + excitement };
+            let params = SensorParams { few: 2, many: 6, most: 10, step: 0.4 * spacing, excitement: TOIL + excitement };
             let (mut sum, mut count) = (0.0, 0.0);
-            self.dig(SensorKind::Irradiance, tool, |scout, number, distance| {
+            self.dig(SensorKind::Irradiance, params, |scout, number, distance| {
                 let Some(point) = scout.probe.place(SensorKind::Irradiance, number, distance, normal) else {
                     return -1.0;
                 };

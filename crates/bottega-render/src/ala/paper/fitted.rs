@@ -23,14 +23,14 @@ const FLATNESS: f32 = 0.35;
 
 /// Irradiance sensors of a swarm.
 #[derive(Clone, Debug)]
-pub(in crate::ala) struct Fitted {
+pub(in crate::ala) struct FittedSensors {
     /// Sensors with their indirect irradiance.
     pub(in crate::ala) sensors: IrradianceMap,
     /// σ of the irradiance sensors: the mean distance between objects.
     pub(in crate::ala) object_distance: f32,
 }
 
-impl Fitted {
+impl FittedSensors {
     /// Number of irradiance sensors to find.
     pub(in crate::ala) const SENSORS: usize = SENSORS;
 

@@ -12,7 +12,7 @@ const MANY: f32 = -1.0;
 
 /// Parameters of one kind of sensor.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Tool {
+pub(super) struct SensorParams {
     /// Number of sensors up to which they are few.
     pub(super) few: u32,
     /// Number of sensors from which they are many.
@@ -28,7 +28,7 @@ pub(super) struct Tool {
 /// An agent that deploys sensors of one kind.
 #[derive(Clone, Debug)]
 pub(super) struct Miner {
-    tool: Tool,
+    params: SensorParams,
     gamma: f32,
     sum: f32,
     count: u32,
@@ -36,23 +36,23 @@ pub(super) struct Miner {
 
 impl Miner {
     /// Starts digging with initial stimulation.
-    pub(super) fn new(tool: Tool) -> Self {
-        Self { tool, gamma: GAMMA, sum: 0.0, count: 0 }
+    pub(super) fn new(params: SensorParams) -> Self {
+        Self { params, gamma: GAMMA, sum: 0.0, count: 0 }
     }
 
     /// Returns the number of the next sensor and its distance from the agent; `None`: stop digging.
     pub(super) fn next(&self) -> Option<(u32, f32)> {
-        let digs_on = self.gamma > 0.0 && self.count < self.tool.most;
-        digs_on.then_some((self.count, self.count as f32 * self.tool.step))
+        let digs_on = self.gamma > 0.0 && self.count < self.params.most;
+        digs_on.then_some((self.count, self.count as f32 * self.params.step))
     }
 
     /// Updates γ by the coefficient of interest σ of the deployed sensor.
     pub(super) fn take(&mut self, sigma: f32) {
         let sigma = if sigma.is_nan() { 0.0 } else { sigma.clamp(-SIGMA_MAX, SIGMA_MAX) };
         self.count += 1;
-        self.gamma += sigma - SATIETY * self.sum + self.tool.excitement;
-        self.gamma += if self.count <= self.tool.few { FEW } else { 0.0 };
-        self.gamma += if self.count >= self.tool.many { MANY } else { 0.0 };
+        self.gamma += sigma - SATIETY * self.sum + self.params.excitement;
+        self.gamma += if self.count <= self.params.few { FEW } else { 0.0 };
+        self.gamma += if self.count >= self.params.many { MANY } else { 0.0 };
         // Only interesting sensors satiate
         self.sum += sigma.max(0.0);
     }
@@ -67,10 +67,10 @@ impl Miner {
 mod tests {
     use super::*;
 
-    const TOOL: Tool = Tool { few: 4, many: 16, most: 24, step: 0.5, excitement: -0.25 };
+    const PARAMS: SensorParams = SensorParams { few: 4, many: 16, most: 24, step: 0.5, excitement: -0.25 };
 
-    fn dig(tool: Tool, sigma: impl Fn(u32) -> f32) -> Vec<f32> {
-        let mut miner = Miner::new(tool);
+    fn dig(params: SensorParams, sigma: impl Fn(u32) -> f32) -> Vec<f32> {
+        let mut miner = Miner::new(params);
         let mut distances = Vec::new();
         while let Some((number, distance)) = miner.next() {
             distances.push(distance);
@@ -81,22 +81,22 @@ mod tests {
     }
 
     #[test]
-    fn who_finds_nothing_stops_and_who_finds_gold_digs_on() {
+    fn a_miner_stops_without_gold_and_continues_with_it() {
         // 1 + 4 × (0.5 − 0.25) = 2, and then eight times 0.25 less.
-        let bored = dig(TOOL, |_| 0.0);
+        let bored = dig(PARAMS, |_| 0.0);
         assert_eq!(bored.len(), 12);
         assert_eq!((bored[0], bored[11]), (0.0, 5.5));
-        assert!(dig(TOOL, |_| 0.5).len() > bored.len() + 2);
-        assert_eq!(dig(TOOL, |_| -1.0).len(), 2);
+        assert!(dig(PARAMS, |_| 0.5).len() > bored.len() + 2);
+        assert_eq!(dig(PARAMS, |_| -1.0).len(), 2);
     }
 
     #[test]
-    fn digging_ends_whatever_is_found() {
+    fn digging_always_ends() {
         for sigma in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30] {
-            let count = dig(TOOL, |_| sigma).len();
+            let count = dig(PARAMS, |_| sigma).len();
             assert!((1..=24).contains(&count), "{sigma}: {count}");
         }
-        let forever = Tool { excitement: 100.0, ..TOOL };
+        let forever = SensorParams { excitement: 100.0, ..PARAMS };
         assert_eq!(dig(forever, |_| 1.0).len(), 24);
     }
 }

@@ -7,4 +7,4 @@ mod miner;
 
 pub(super) use answer::answers;
 pub(super) use dig::dig;
-pub(super) use fitted::Fitted;
+pub(super) use fitted::FittedSensors;

@@ -121,7 +121,7 @@ impl<'a> PathIntegrator<'a> {
     fn follow(&self, guide: Option<&Guide>, paths: &[LearningPath], trails: &mut [Trail]) -> Vec<FoundLight> {
         let starts: Vec<LearningStart> = paths.iter().map(|&path| self.learning_start(path)).collect();
         let mut records = vec![PathRecord::default(); starts.len()];
-        compiled::run(Following { integrator: self, guide, starts: &starts, trails, records: &mut records });
+        compiled::run(TrailBatch { integrator: self, guide, starts: &starts, trails, records: &mut records });
         let found = |(start, record): (&LearningStart, &PathRecord)| FoundLight {
             radiance: record.values.radiance.into(),
             place: start.place,
@@ -191,7 +191,7 @@ pub fn learn_together(
 }
 
 /// Paths that record their vertices into trails, one each.
-struct Following<'a> {
+struct TrailBatch<'a> {
     integrator: &'a PathIntegrator<'a>,
     /// Guide of the directions; `None`: the BSDF alone draws them.
     guide: Option<&'a Guide>,
@@ -201,7 +201,7 @@ struct Following<'a> {
     records: &'a mut [PathRecord],
 }
 
-impl Task for Following<'_> {
+impl Task for TrailBatch<'_> {
     type Output = ();
 
     #[inline(always)]

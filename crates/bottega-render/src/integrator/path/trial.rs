@@ -16,7 +16,7 @@ use super::{super::record::PathRecord, setup::PathIntegrator};
 use crate::{
     error::RenderError,
     guide::{Guide, PaintPlan, PaintingWay},
-    integrator::turns::Painting,
+    integrator::turns::SampleBatch,
     photon::bytes::{ByteForm, Reader, Writer},
     sampler::{DimensionSet, PixelSampler},
     sharing::{Sharing, in_parts},
@@ -150,7 +150,7 @@ impl<'a> Trial<'a> {
     /// - `stage`: the number of the trial, 0 or 1.
     ///
     /// # Errors
-    /// As [`Sharing::share`].
+    /// The same as [`Sharing::share`].
     pub(super) fn together(&self, others: &dyn Sharing, stage: u32) -> Result<Vec<AllTrials>, RenderError> {
         if self.pixels.len() < SHARED_MIN {
             return Ok(self.alone());
@@ -187,7 +187,7 @@ impl<'a> Trial<'a> {
             for (way, again) in self.ways.iter().flat_map(|&way| [(way, 0), (way, 1)]) {
                 let integrator = PathIntegrator { settings: &settings[again], ..plain.in_way(way, guide) };
                 let number = 2 * way.number() + again;
-                compiled::run(Painting {
+                compiled::run(SampleBatch {
                     integrator: &integrator,
                     samples: &samples,
                     records: &mut records,

@@ -31,7 +31,7 @@ use crate::{
 };
 
 pub(crate) use buffers::GatherBuffers;
-use directions::{Aiming, Gathering};
+use directions::{GatherSettings, IncidentSampling};
 pub(super) use record_point::RecordPoint;
 use state::{ArrivalKind, GatherState, LightShare, Remainder, scatter, survives};
 
@@ -300,15 +300,15 @@ impl<'a> GatherPath<'a> {
             let is_short = is_interpolated || !is_gathered || !photons.indirect;
             // Trace rays in proportion to the unknown share
             let count = if is_short { 1 } else { (photons.final_rays as f32 * unknown).ceil().max(1.0) as u32 };
-            self.gather(state, vertex, &Gathering { count, is_short, unknown, is_known: known.is_some(), aiming });
+            self.gather(state, vertex, &GatherSettings { count, is_short, unknown, is_known: known.is_some(), aiming });
         }
         // Matte surfaces have no mirrors to continue over
         if is_matte(bsdf) { Remainder::Nothing } else { Remainder::Light }
     }
 
     /// Traces final gathering rays from a surface, each to its end.
-    fn gather(&mut self, state: &GatherState, vertex: &SurfaceVertex<'_>, how: &Gathering<'_>) {
-        let Gathering { count, is_known, .. } = *how;
+    fn gather(&mut self, state: &GatherState, vertex: &SurfaceVertex<'_>, how: &GatherSettings<'_>) {
+        let GatherSettings { count, is_known, .. } = *how;
         for part in 0..count {
             let u = self.sampler.split_quad(DimensionSet::scattering(VERTICES + state.vertex), part, count);
             // Draw a direction; perfect mirrors are followed by the path itself
@@ -340,7 +340,7 @@ impl<'a> GatherPath<'a> {
     }
 
     /// Returns the distribution of indirect light at a gathering surface, if it is wanted and the photons give one.
-    fn aim(&self, vertex: &SurfaceVertex<'_>, bsdf: &Bsdf) -> Option<Aiming<'a>> {
+    fn aim(&self, vertex: &SurfaceVertex<'_>, bsdf: &Bsdf) -> Option<IncidentSampling<'a>> {
         let photons = &self.integrator.photons;
         // A lobe as narrow as that of a polished surface guides better than some hundred photons
         const ROUGHNESS_MIN: f32 = 0.3;
@@ -351,7 +351,7 @@ impl<'a> GatherPath<'a> {
         }
         let normal = vertex.point.facing_ng();
         let arrival = self.maps.arrival_at(vertex.point.p, [normal, vertex.point.frame[2]])?;
-        Some(Aiming { arrival, is_matte: is_matte(bsdf) })
+        Some(IncidentSampling { arrival, is_matte: is_matte(bsdf) })
     }
 
     /// Returns `true` if indirect light is gathered by rays.

@@ -9,7 +9,7 @@ use crate::{
     camera::RayCone,
     interaction::{Interaction, material_of},
     lights::LightSample,
-    media::{Filling, varying::Line},
+    media::{PreparedMedium, varying::Line},
     sampler::PixelSampler,
     segment::SegmentRays,
     shading::bsdf_at,
@@ -99,8 +99,8 @@ impl MediumPath<'_> {
             let length = hit.t.min(length);
             match medium.map(|medium| prepared.medium(medium)) {
                 None => {}
-                Some(Filling::Homogeneous(medium)) => transmittance *= medium.transmittance(length),
-                Some(Filling::Varying(medium)) => {
+                Some(PreparedMedium::Homogeneous(medium)) => transmittance *= medium.transmittance(length),
+                Some(PreparedMedium::Varying(medium)) => {
                     let line = Line { origin, direction, length };
                     transmittance *= medium.transmittance(&line, numbers(self.sampler, &mut self.numbers_drawn));
                 }

@@ -72,13 +72,13 @@ impl WalkWeight {
 impl MediumPath<'_> {
     /// Follows light below a surface, and scatters it where it leaves. Returns `None` when the path ends.
     ///
-    /// - `wi`: direction in which the path goes on, in world space.
+    /// - `wi`: direction in which the path continues, in world space.
     pub(super) fn pass_below(&mut self, point: &Interaction, wi: Vec3, interior: &Interior) -> Option<Departure> {
         let exit = self.walk(point, wi, interior)?;
         let prepared = self.prepared;
         let [u, v, u_roulette, u_part] = self.sampler.quad(DimensionSet::leaving(self.depth));
         let bsdf = left_bsdf(prepared, &exit, u_part);
-        // The light leaves in the same way, whatever direction it came from
+        // The direction from below does not change how the light leaves
         let bsdf = bsdf.at(Vec3::Z);
         let receiver = receiver_at(&exit, prepared.material(exit.material).1);
         // Sample lights where it leaves

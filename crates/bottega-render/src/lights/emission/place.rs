@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// The start of a photon: origin, direction, and the power that it represents.
-pub(super) struct Start {
+pub(super) struct PhotonStart {
     /// Origin in world space, just off the light.
     pub(super) origin: Vec3,
     /// Direction of travel, unit length.
@@ -23,11 +23,11 @@ pub(super) struct Start {
     /// Power that the photon represents, in watts, given its source.
     pub(super) power: Spectrum,
     /// Density by which the direction was drawn.
-    pub(super) spread: Spread,
+    pub(super) spread: DirectionDensity,
 }
 
 /// The density by which the direction was drawn.
-pub(super) enum Spread {
+pub(super) enum DirectionDensity {
     /// Uniform over the sphere.
     Everywhere,
     /// Proportional to the cosine to this normal.
@@ -36,10 +36,10 @@ pub(super) enum Spread {
     AsDrawn,
 }
 
-impl Start {
+impl PhotonStart {
     /// Creates a start whose direction must be kept.
     pub(super) fn as_drawn(origin: Vec3, direction: Vec3, power: Spectrum) -> Self {
-        Self { origin, direction, power, spread: Spread::AsDrawn }
+        Self { origin, direction, power, spread: DirectionDensity::AsDrawn }
     }
 
     /// Draws the direction of a photon that leaves a surface.
@@ -54,7 +54,9 @@ impl Start {
         towards: [f32; 2],
     ) -> Self {
         match surfaces.material(material).1.profile {
-            Profile::Diffuse => Self { origin, direction: leaving(n, towards), power, spread: Spread::Cosine(n) },
+            Profile::Diffuse => {
+                Self { origin, direction: leaving(n, towards), power, spread: DirectionDensity::Cosine(n) }
+            }
             profile => {
                 let (direction, factor) = profile.leaving(n, towards);
                 Self::as_drawn(origin, direction, power * factor)
@@ -80,7 +82,7 @@ fn spot_from_sphere(
     cos_outer: f32,
     place: [f32; 2],
     towards: [f32; 2],
-) -> Option<Start> {
+) -> Option<PhotonStart> {
     let direction = around(axis, towards[0] * (1.0 - cos_outer), towards[1]);
     let outwards = leaving(direction, place);
     let factor = surfaces.material(sphere.material).1.profile.factor(direction, outwards.dot(direction));
@@ -89,7 +91,7 @@ fn spot_from_sphere(
     let power = radiance * (factor * disc * 2.0 * PI * (1.0 - cos_outer));
     let clearance = CLEARANCE * (sphere.center.abs().max_element() + sphere.radius);
     let origin = sphere.center + outwards * (sphere.radius + clearance);
-    (luminance(power) > 0.0).then(|| Start::as_drawn(origin, direction, power))
+    (luminance(power) > 0.0).then(|| PhotonStart::as_drawn(origin, direction, power))
 }
 
 /// Draws a direction by the cosine to `n`.
@@ -108,7 +110,13 @@ impl SurfaceLight {
     }
 
     /// Samples a photon, uniform by area and by the cosine. `choice`: number that chooses the side.
-    pub(super) fn emit(&self, surfaces: &Surfaces, choice: f32, place: [f32; 2], towards: [f32; 2]) -> Option<Start> {
+    pub(super) fn emit(
+        &self,
+        surfaces: &Surfaces,
+        choice: f32,
+        place: [f32; 2],
+        towards: [f32; 2],
+    ) -> Option<PhotonStart> {
         let scene = surfaces.scene();
         let (corner, x, y) = self.extent();
         let place = if self.is_rectangle() { place } else { uniform_triangle(place).into() };
@@ -121,7 +129,7 @@ impl SurfaceLight {
         let clearance = CLEARANCE * p.abs().max_element() + EXTENT_CLEARANCE * extent;
         let power = self.radiance_at(scene, place) * (PI * self.area(double_area) * sides);
         (double_area > 0.0)
-            .then(|| Start::from_surface(surfaces, self.material(), p + n * clearance, n, power, towards))
+            .then(|| PhotonStart::from_surface(surfaces, self.material(), p + n * clearance, n, power, towards))
     }
 }
 
@@ -141,7 +149,7 @@ pub(super) fn emit_from_sphere(
     choice: f32,
     place: [f32; 2],
     towards: [f32; 2],
-) -> Option<Start> {
+) -> Option<PhotonStart> {
     let scene = &**surfaces.scene();
     let sphere = &scene.spheres[index as usize];
     let material = &scene.materials[sphere.material as usize];
@@ -158,5 +166,5 @@ pub(super) fn emit_from_sphere(
     let clearance = CLEARANCE * (sphere.center.abs().max_element() + sphere.radius);
     let power = radiance * (PI * area * sides);
     let origin = sphere.center + outwards * sphere.radius + n * clearance;
-    (luminance(power) > 0.0).then(|| Start::from_surface(surfaces, sphere.material, origin, n, power, towards))
+    (luminance(power) > 0.0).then(|| PhotonStart::from_surface(surfaces, sphere.material, origin, n, power, towards))
 }

@@ -36,7 +36,7 @@ pub(crate) struct EmissionPlan {
 
 /// The cone of directions from a place to the visible part.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Aim {
+pub(crate) struct AimCone {
     axis: Vec3,
     one_minus_cos: f32,
 }
@@ -92,7 +92,7 @@ impl EmissionPlan {
     /// Returns the cone of directions from a distant place to the visible part; `None` if the place is near or everything
     /// is visible.
     #[inline(always)]
-    pub(crate) fn aim(&self, from: Vec3) -> Option<Aim> {
+    pub(crate) fn aim(&self, from: Vec3) -> Option<AimCone> {
         if self.extent.is_whole() {
             return None;
         }
@@ -104,11 +104,11 @@ impl EmissionPlan {
         let sine = self.extent.radius / distance;
         // 1 − cos, without cancellation
         let one_minus_cos = sine * sine / (1.0 + (1.0 - sine * sine).sqrt());
-        Some(Aim { axis: way / distance, one_minus_cos })
+        Some(AimCone { axis: way / distance, one_minus_cos })
     }
 }
 
-impl Aim {
+impl AimCone {
     /// Probability of aiming a direction.
     pub(crate) const SHARE: f32 = AIMED;
 

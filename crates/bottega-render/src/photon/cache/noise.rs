@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn who_found_nothing_is_as_unsure_as_who_found_it() {
+    fn records_without_light_are_as_uncertain_as_those_with_it() {
         for effort in [1, 4] {
             let cache = some_find_it(effort);
             let noise: Vec<f32> = cache.records.iter().map(|record| record.noise).collect();

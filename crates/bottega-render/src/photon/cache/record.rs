@@ -56,7 +56,7 @@ const FADING: f32 = 3.0;
 
 /// The region where a record may count: a ball around it, between two planes parallel to its surface.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Reach {
+pub(super) struct RecordRegion {
     p: Vec3,
     n: Vec3,
     /// Radius of the ball.
@@ -65,7 +65,7 @@ pub(super) struct Reach {
     height: f32,
 }
 
-impl Reach {
+impl RecordRegion {
     /// Returns `true` if a part of the cube lies within the region.
     pub(super) fn meets(&self, low: Vec3, side: f32) -> bool {
         let half = 0.5 * side;
@@ -338,16 +338,16 @@ impl IrradianceRecord {
     /// A point at distance d whose normal differs by 1 − cos = e² counts where d ∕ R + e < a (the tolerance), if its
     /// offset along the mean of both normals is within 0.1 R. So its offset along the record's normal is at most R (0.1
     /// ∕ (2 − e²) + (a − e) e ∕ √(2 − e²)). The bound takes (a − e) e = a² ∕ 4, and e = a in the denominators.
-    pub(super) fn reach(&self, tolerance: f32) -> Reach {
+    pub(super) fn reach(&self, tolerance: f32) -> RecordRegion {
         let (squared, rounding) = (tolerance * tolerance, 1.01);
         let below = (2.0 - squared).max(0.0);
         let height = rounding * (OFF_PLANE / below + 0.25 * squared / below.sqrt());
-        Reach { height: height * self.radius, ..self.reach_around(tolerance) }
+        RecordRegion { height: height * self.radius, ..self.reach_around(tolerance) }
     }
 
     /// Returns the ball where the record may count, without the planes.
-    pub(super) fn reach_around(&self, tolerance: f32) -> Reach {
-        Reach { p: self.p, n: self.n, radius: tolerance * self.radius, height: f32::INFINITY }
+    pub(super) fn reach_around(&self, tolerance: f32) -> RecordRegion {
+        RecordRegion { p: self.p, n: self.n, radius: tolerance * self.radius, height: f32::INFINITY }
     }
 
     /// Returns Ward's weight at another point; 0 where it does not count.

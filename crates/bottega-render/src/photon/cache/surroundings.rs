@@ -6,24 +6,24 @@ use glam::Vec3;
 use super::IrradianceRecord;
 
 /// Greatest number of records that are interpolated.
-const SPEAKERS: usize = 6;
+const RECORDS_MAX: usize = 6;
 /// Greatest factor by which their light is scaled to the interpolated irradiance.
 const SCALE_MAX: f32 = 4.0;
 /// The records with the greatest weights at a point.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Speakers<'a>([Option<(&'a IrradianceRecord, f32)>; SPEAKERS]);
+pub(super) struct StrongestRecords<'a>([Option<(&'a IrradianceRecord, f32)>; RECORDS_MAX]);
 
 /// Indirect light at a point by direction, interpolated between records with their weights.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Surroundings<'a> {
-    records: [Option<(&'a IrradianceRecord, f32)>; SPEAKERS],
+    records: [Option<(&'a IrradianceRecord, f32)>; RECORDS_MAX],
     /// Factor that scales the records' light to the irradiance at the point.
     scale: Spectrum,
 }
 
-impl<'a> Speakers<'a> {
+impl<'a> StrongestRecords<'a> {
     /// Keeps a record if it has a greater weight than one of those kept, in place of the lightest.
-    pub(super) fn hear(&mut self, record: &'a IrradianceRecord, weight: f32) {
+    pub(super) fn insert(&mut self, record: &'a IrradianceRecord, weight: f32) {
         let heaviness = |it: &Option<(&IrradianceRecord, f32)>| it.map_or(-1.0, |(_, weight)| weight);
         let lightest = self.0.iter_mut().min_by(|a, b| heaviness(a).total_cmp(&heaviness(b)));
         if let Some(lightest) = lightest.filter(|it| heaviness(it) < weight) {

@@ -17,7 +17,7 @@ pub(super) fn decode(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>
     let version = match header {
         0xa0 => Version::V0,
         0xa1 => Version::V1,
-        _ => return Err("it does not begin like attributes of a known version"),
+        _ => return Err("it does not begin as attributes of a supported version"),
     };
     let modes_bytes = if version == Version::V1 { stride / 4 } else { 0 };
     let tail_bytes = (stride + modes_bytes).max(if version == Version::V1 { 24 } else { 32 });
@@ -39,7 +39,7 @@ pub(super) fn decode(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>
     for block in elements.chunks_mut(block_elements * stride) {
         decoder.block(block).ok_or(CUT_OFF)?;
     }
-    if decoder.rest.is_empty() { Ok(elements) } else { Err("it goes on after its last element") }
+    if decoder.rest.is_empty() { Ok(elements) } else { Err("it continues after its last element") }
 }
 
 /// The error for data that ends too early.

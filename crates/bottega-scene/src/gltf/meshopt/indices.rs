@@ -12,7 +12,7 @@ pub(super) fn triangles(data: &[u8], count: usize) -> Result<Vec<u32>, &'static 
     for &code in codes {
         indices.extend(decoder.triangle(code).ok_or(CUT_OFF)?);
     }
-    if decoder.extra.is_empty() { Ok(indices) } else { Err("it goes on after its last triangle") }
+    if decoder.extra.is_empty() { Ok(indices) } else { Err("it continues after its last triangle") }
 }
 
 /// Decodes a sequence of indices. The error says what is wrong with the data.
@@ -30,7 +30,7 @@ pub(super) fn sequence(data: &[u8], count: usize) -> Result<Vec<u32>, &'static s
         *baseline = baseline.wrapping_add(unzigzag(code >> 1));
         indices.push(*baseline);
     }
-    if rest.is_empty() { Ok(indices) } else { Err("it goes on after its last index") }
+    if rest.is_empty() { Ok(indices) } else { Err("it continues after its last index") }
 }
 
 /// A queue of the last sixteen entries.
@@ -171,7 +171,7 @@ mod tests {
         let data = [0xd1, 4, 5, 4, 3, 0, 0, 0, 0];
         // 4: +1 on the first; 5: +1 on the second; 4: +1 on the first; 3: −1 on the second.
         assert_eq!(sequence(&data, 4), Ok(vec![1, 1, 2, 0]));
-        assert_eq!(sequence(&data, 3), Err("it goes on after its last index"));
+        assert_eq!(sequence(&data, 3), Err("it continues after its last index"));
         assert_eq!(sequence(&data, 5), Err(CUT_OFF));
     }
 }

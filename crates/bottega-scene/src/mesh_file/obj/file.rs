@@ -28,7 +28,7 @@ pub(crate) struct ObjFile<'a> {
     /// Names of the material libraries, and their lines.
     pub(crate) libraries: Vec<(String, usize)>,
     /// Each unsupported keyword, with the line of the first one.
-    pub(super) left_out: Vec<(String, usize)>,
+    pub(super) skipped: Vec<(String, usize)>,
     /// Lines, and other warnings about them.
     pub(super) notes: Vec<(usize, String)>,
     /// The booked memory.

@@ -74,10 +74,8 @@ impl<'a> Library<'a> {
     /// Returns the material of a name. `None`: no library has it, which gets a warning.
     pub(crate) fn material(&mut self, name: &str, warnings: &mut Warnings) -> Result<Option<Material>, SceneError> {
         let Some((location, description)) = self.materials.get(name) else {
-            warnings.unsupported(
-                "",
-                format!("no library has the material `{}`; plain gray stands for it", shortened(name)),
-            );
+            warnings
+                .unsupported("", format!("no library has the material `{}`; plain gray replaces it", shortened(name)));
             return Ok(None);
         };
         MtlConverter { location, pictures: &mut self.pictures, warnings }.convert(description).map(Some)

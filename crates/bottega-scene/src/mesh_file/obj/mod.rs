@@ -102,7 +102,7 @@ impl<'a> ObjFile<'a> {
             runs: Vec::new(),
             materials: Vec::new(),
             libraries: Vec::new(),
-            left_out: Vec::new(),
+            skipped: Vec::new(),
             notes: Vec::new(),
             _held: held,
         };
@@ -114,9 +114,9 @@ impl<'a> ObjFile<'a> {
         file.triangles.reserve_exact(total(|parsed| parsed.triangles.len()));
         let mut known: BTreeMap<String, usize> = BTreeMap::new();
         let mut run = Run { first: 0, material: None, smoothing: 0 };
-        let mut damaged = parse::LeftOut::default();
+        let mut damaged = parse::SkippedStatements::default();
         for part in parsed {
-            damaged.append(part.left_out);
+            damaged.append(part.skipped);
             let first = file.triangles.len();
             for (triangle, statement) in part.statements {
                 match statement {
@@ -135,8 +135,8 @@ impl<'a> ObjFile<'a> {
                         continue;
                     }
                     Statement::Unknown(keyword, line) => {
-                        if !file.left_out.iter().any(|(known, _)| *known == keyword) {
-                            file.left_out.push((keyword, line));
+                        if !file.skipped.iter().any(|(known, _)| *known == keyword) {
+                            file.skipped.push((keyword, line));
                         }
                         continue;
                     }
@@ -158,7 +158,7 @@ impl<'a> ObjFile<'a> {
 
     /// Takes the warnings about omissions and guesses, with their lines.
     pub(crate) fn take_notes(&mut self) -> Vec<(usize, String)> {
-        let unknown = std::mem::take(&mut self.left_out).into_iter();
+        let unknown = std::mem::take(&mut self.skipped).into_iter();
         let unknown = unknown.map(|(keyword, line)| (line, format!("`{keyword}` is not supported and left out")));
         unknown.chain(std::mem::take(&mut self.notes)).collect()
     }

@@ -33,7 +33,7 @@ pub(super) struct ParsedLines {
     /// Statements, each with the number of triangles before it in the block.
     pub(super) statements: Vec<(usize, Statement)>,
     /// Damaged statements, by kind.
-    pub(super) left_out: LeftOut,
+    pub(super) skipped: SkippedStatements,
 }
 
 /// A statement that affects the following faces, or that is reported: material, smoothing group, material library and
@@ -47,13 +47,13 @@ pub(super) enum Statement {
 
 /// Damaged statements by kind: the first one, and their number.
 #[derive(Default)]
-pub(super) struct LeftOut([Option<(LocatedFault, usize)>; KINDS.len()]);
+pub(super) struct SkippedStatements([Option<(LocatedFault, usize)>; KINDS.len()]);
 
 /// The effects of each kind of damage.
 const KINDS: [&str; 5] = [
     "the vertex is left out with its faces",
-    "0 stands for these texture coordinates",
-    "that of its faces stands for the normal",
+    "0 replaces these texture coordinates",
+    "the normal of its faces replaces it",
     "the face is left out",
     "the triangle has no area and is left out",
 ];
@@ -63,7 +63,7 @@ const NORMAL: usize = 2;
 const FACE: usize = 3;
 const NO_AREA: usize = 4;
 
-impl LeftOut {
+impl SkippedStatements {
     /// Counts a damaged statement; `locate` is called for the first one.
     fn add(&mut self, kind: usize, locate: impl FnOnce() -> LocatedFault) {
         match &mut self.0[kind] {
@@ -155,13 +155,13 @@ fn parse_watching(
                 unknown.push(keyword.to_vec());
                 let keyword = shortened(&String::from_utf8_lossy(keyword)).into_owned();
                 if unknown.len() > 16 && !keyword.is_ascii() {
-                    return Err(LineFault::new(line, "this is no OBJ file"));
+                    return Err(LineFault::new(line, "this is not an OBJ file"));
                 }
                 return parsed.add(Statement::Unknown(keyword, number));
             }
         };
         if let Err(fault) = read {
-            parsed.left_out.add(kind, || block.locate(number, fault));
+            parsed.skipped.add(kind, || block.locate(number, fault));
         }
         Ok(())
     })?;
@@ -330,7 +330,7 @@ impl ParsedLines {
                     faces.push(self.face_of(number));
                     // An invalid vertex was already reported with its faces.
                     if error != IndexError::UnsoundVertex {
-                        self.left_out.add(FACE, || locate_corner(block, [number, which], error.to_string()));
+                        self.skipped.add(FACE, || locate_corner(block, [number, which], error.to_string()));
                     }
                 }
             }
@@ -345,7 +345,7 @@ impl ParsedLines {
             rest.first().is_none_or(|face| !face.contains(number))
         });
         for &number in &flat {
-            self.left_out.add(NO_AREA, || locate_corner(block, [number, 0], String::new()));
+            self.skipped.add(NO_AREA, || locate_corner(block, [number, 0], String::new()));
         }
         if !(faces.is_empty() && flat.is_empty()) {
             let mut keeps = vec![true; self.triangles.len()];

@@ -52,7 +52,7 @@ fn each_material_makes_a_part() {
     with(&text, |file| {
         let file = file.unwrap();
         assert_eq!(file.libraries, vec![("my materials.mtl".to_owned(), 1)]);
-        assert_eq!(file.left_out, vec![("l".to_owned(), 14), ("p".to_owned(), 15)]);
+        assert_eq!(file.skipped, vec![("l".to_owned(), 14), ("p".to_owned(), 15)]);
     });
 }
 
@@ -121,7 +121,7 @@ fn long_files_are_read_in_pieces() {
 }
 
 #[test]
-fn what_is_wrong_is_left_out_and_named() {
+fn wrong_statements_are_left_out_and_named() {
     // Line, column, problem, and number of triangles left of this line and the quad after it.
     for (line, column, problem, left) in [
         ("f 0 1 2", 3, "count from 1", 2),

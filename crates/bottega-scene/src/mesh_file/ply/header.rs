@@ -239,7 +239,7 @@ impl PlyHeader {
                 other => return Err(wrong(format!("unknown keyword `{}`", text(other)), line)),
             }
         }
-        let Some(encoding) = encoding else { return Err(source.damaged("its header does not say its format")) };
+        let Some(encoding) = encoding else { return Err(source.damaged("its header does not name its format")) };
         let mut header = Self { encoding, elements, body: at, body_line: number + 1, vertex_count: 0 };
         header.check(source, bytes.len() - at)?;
         Ok(header)

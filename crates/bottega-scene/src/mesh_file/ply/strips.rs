@@ -44,7 +44,7 @@ mod tests {
     }
 
     #[test]
-    fn every_other_triangle_is_turned_and_minus_one_begins_anew() {
+    fn every_other_triangle_is_turned_and_minus_one_starts_a_strip() {
         assert_eq!(triangles(&[0, 1, 2, 3, 4]).unwrap(), [[0, 1, 2], [2, 1, 3], [2, 3, 4]]);
         assert_eq!(triangles(&[0, 1, 2, -1, 3, 4, 5]).unwrap(), [[0, 1, 2], [3, 4, 5]]);
         // A repeated vertex keeps the orientation alternating.

@@ -251,7 +251,7 @@ fn normals_without_direction_are_mended_and_other_lines_ends_understood() {
 }
 
 #[test]
-fn the_place_of_what_is_wrong_is_named() {
+fn errors_name_the_place_of_the_fault() {
     let with = |from: &str, to: &str| refusal(SQUARE.replace(from, to));
     for (from, to, place) in [
         ("4 0 1 2 3", "4 0 1 2 4", "line 15, column 9, refers to vertex 4, but there are 4"),

@@ -44,7 +44,7 @@ pub(super) fn read(context: &mut Context<'_>, entity: &Entity, shines: bool) -> 
         "disk" => quadric::disk(params, at)?,
         "cylinder" => quadric::cylinder(params, at)?,
         kind => {
-            context.unsupported(at, format!("the shape \"{}\" is not known, and left out", shortened(kind)));
+            context.unsupported(at, format!("the shape \"{}\" is unknown and left out", shortened(kind)));
             return Ok(None);
         }
     }))

@@ -26,8 +26,10 @@ pub(super) fn read(context: &mut Context<'_>, params: &Params, at: TextPlace) ->
     };
     let (patches, rest) = corners.as_chunks::<4>();
     if !rest.is_empty() {
-        context
-            .warn(params.place_of("indices"), "the number of indices is no multiple of 4; the last ones are left out");
+        context.warn(
+            params.place_of("indices"),
+            "the number of indices is not a multiple of 4; the last ones are left out",
+        );
     }
     let normals = params.points3("N", "normal")?;
     let normals = matching(context, normals, "N", count, params.place_of("N"));

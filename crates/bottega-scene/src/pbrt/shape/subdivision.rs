@@ -33,7 +33,7 @@ pub(super) fn read(context: &mut Context<'_>, params: &Params, at: TextPlace) ->
         |triangle: &[u32; 3]| triangle[0] != triangle[1] && triangle[1] != triangle[2] && triangle[2] != triangle[0];
     let triangles: Vec<[u32; 3]> = triangles.iter().copied().filter(is_sound).collect();
     if triangles.len() > TRIANGLES_MAX >> (2 * levels) {
-        let problem = format!("{levels} levels would make more than {TRIANGLES_MAX} triangles of it");
+        let problem = format!("{levels} levels make more than {TRIANGLES_MAX} triangles of it");
         return Err(params.place_of("levels").fault(problem).into());
     }
     // Vertices, triangles and the edge table.
@@ -41,13 +41,13 @@ pub(super) fn read(context: &mut Context<'_>, params: &Params, at: TextPlace) ->
     let place = context.place(at);
     context.resources.budget().take(context.path(at.file), &place, bytes)?;
 
-    let mut net = Net { points, triangles };
+    let mut mesh = ControlMesh { points, triangles };
     for _ in 0..levels {
-        net = net.refined();
+        mesh = mesh.refined();
     }
     let mut mesh = Mesh {
-        positions: net.limit().iter().map(|point| point.as_vec3()).collect(),
-        triangles: net.triangles,
+        positions: mesh.limit().iter().map(|point| point.as_vec3()).collect(),
+        triangles: mesh.triangles,
         ..Mesh::default()
     };
     mesh.smooth_normals();
@@ -62,7 +62,7 @@ pub(super) fn read(context: &mut Context<'_>, params: &Params, at: TextPlace) ->
 type Edges = HashMap<(u32, u32), Edge>;
 
 /// A control mesh.
-struct Net {
+struct ControlMesh {
     points: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
 }
@@ -87,7 +87,7 @@ struct Edge {
     middle: u32,
 }
 
-impl Net {
+impl ControlMesh {
     /// Returns the edges by their end vertices, and their order of first use by triangles.
     fn edges(&self) -> (Edges, Vec<(u32, u32)>) {
         let mut edges: Edges = HashMap::with_capacity(self.triangles.len() * 3 / 2);
@@ -178,16 +178,16 @@ mod tests {
     use super::*;
 
     /// An octahedron.
-    fn net() -> Net {
+    fn mesh() -> ControlMesh {
         let points = vec![DVec3::X, DVec3::Y, DVec3::NEG_X, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
         let upper = (0..4).map(|i| [i, (i + 1) % 4, 4]);
         let lower = (0..4).map(|i| [(i + 1) % 4, i, 5]);
-        Net { points, triangles: upper.chain(lower).collect() }
+        ControlMesh { points, triangles: upper.chain(lower).collect() }
     }
 
     #[test]
     fn the_limit_does_not_depend_on_the_level_from_which_it_is_taken() {
-        let (coarse, fine) = (net(), net().refined());
+        let (coarse, fine) = (mesh(), mesh().refined());
         for (a, b) in coarse.limit().iter().zip(fine.limit()) {
             assert!((*a - b).length() < 1e-12, "{a} {b}");
         }
@@ -197,9 +197,9 @@ mod tests {
     #[test]
     fn a_flat_net_stays_flat_and_keeps_its_straight_boundary() {
         let points = vec![DVec3::ZERO, DVec3::X, DVec3::X + DVec3::Y, DVec3::Y];
-        let net = Net { points, triangles: vec![[0, 1, 2], [0, 2, 3]] }.refined().refined();
-        assert!(net.limit().iter().all(|point| point.z == 0.0));
-        let center = net.limit().iter().sum::<DVec3>() / net.points.len() as f64;
+        let mesh = ControlMesh { points, triangles: vec![[0, 1, 2], [0, 2, 3]] }.refined().refined();
+        assert!(mesh.limit().iter().all(|point| point.z == 0.0));
+        let center = mesh.limit().iter().sum::<DVec3>() / mesh.points.len() as f64;
         assert!((center.truncate() - DVec2::splat(0.5)).length() < 1e-12);
     }
 }

@@ -20,8 +20,10 @@ pub(super) fn read(context: &mut Context<'_>, params: &Params, at: TextPlace) ->
     };
     let (triangles, rest) = corners.as_chunks::<3>();
     if !rest.is_empty() {
-        context
-            .warn(params.place_of("indices"), "the number of indices is no multiple of 3; the last ones are left out");
+        context.warn(
+            params.place_of("indices"),
+            "the number of indices is not a multiple of 3; the last ones are left out",
+        );
     }
     let normals = params.points3("N", "normal")?;
     let normals = matching(context, normals, "N", count, params.place_of("N"));

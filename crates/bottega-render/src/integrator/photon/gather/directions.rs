@@ -11,7 +11,7 @@ use crate::{
 };
 
 /// Settings of the final gathering at a surface.
-pub(super) struct Gathering<'a> {
+pub(super) struct GatherSettings<'a> {
     /// Number of rays.
     pub(super) count: u32,
     /// `true`: the rays look only for emitters.
@@ -21,19 +21,19 @@ pub(super) struct Gathering<'a> {
     /// `true`: light in the broad lobes of the surface is already added.
     pub(super) is_known: bool,
     /// Distribution of incident light that directions are drawn from; `None`: the BSDF alone draws them.
-    pub(super) aiming: Option<Aiming<'a>>,
+    pub(super) aiming: Option<IncidentSampling<'a>>,
 }
 
 /// Importance sampling of gathering rays by the incident light.
 #[derive(Clone, Copy)]
-pub(super) struct Aiming<'a> {
+pub(super) struct IncidentSampling<'a> {
     /// Distribution of incident light.
     pub(super) arrival: LightDirections<'a>,
     /// `true`: the incident light alone draws directions; the BSDF does not.
     pub(super) is_matte: bool,
 }
 
-impl Aiming<'_> {
+impl IncidentSampling<'_> {
     /// Returns the density of a unit direction, in sr⁻¹.
     ///
     /// - `own`: its density by the BSDF.
@@ -43,7 +43,7 @@ impl Aiming<'_> {
     }
 }
 
-impl Gathering<'_> {
+impl GatherSettings<'_> {
     /// Draws a direction. Returns it with its density by the BSDF, and the density that it was drawn with, in sr⁻¹.
     #[inline(always)]
     pub(super) fn drawn(&self, vertex: &SurfaceVertex<'_>, u: Quad) -> Option<(BsdfSample, f32)> {

@@ -5,7 +5,7 @@ use bottega_scene::{Spectrum, Visibility};
 use super::{
     super::super::transport::{emitted_at, power_heuristic, shadow_ray},
     GatherPath,
-    directions::Aiming,
+    directions::IncidentSampling,
     state::{ArrivalKind, GatherState, LightShare},
 };
 use crate::{
@@ -68,7 +68,7 @@ impl GatherPath<'_> {
         state: &GatherState,
         vertex: &SurfaceVertex<'_>,
         share: LightShare,
-        aiming: Option<Aiming<'_>>,
+        aiming: Option<IncidentSampling<'_>>,
     ) {
         let prepared = self.prepared;
         if prepared.lights().is_empty() {

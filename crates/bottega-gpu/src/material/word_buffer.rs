@@ -4,9 +4,9 @@ use bottega_render::flat::Portable;
 
 /// A growing array of words. A place is an index into it.
 #[derive(Debug, Default)]
-pub(super) struct Words(pub(super) Vec<u32>);
+pub(super) struct WordBuffer(pub(super) Vec<u32>);
 
-impl Words {
+impl WordBuffer {
     pub(super) fn place(&self) -> usize {
         self.0.len()
     }

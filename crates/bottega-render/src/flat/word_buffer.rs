@@ -7,9 +7,9 @@ use super::Portable;
 
 /// A growing array of words, and the pictures whose handles belong into some of them.
 #[derive(Debug, Default)]
-pub(crate) struct Words(Vec<u32>, Vec<(u32, TextureMap)>);
+pub(crate) struct WordBuffer(Vec<u32>, Vec<(u32, TextureMap)>);
 
-impl Words {
+impl WordBuffer {
     /// Creates an array that starts with `count` zero words.
     pub(super) fn with_header(count: usize) -> Self {
         Self(vec![0; count], Vec::new())
