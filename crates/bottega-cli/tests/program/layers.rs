@@ -1,0 +1,130 @@
+//! Light groups and forms of EXR files, as a user asks for them.
+
+use std::{fs, path::Path};
+
+use bottega_image::{ReadLimits, read_channels, read_image};
+
+use crate::program::support::{interrupt, run, succeed, text};
+
+const LIGHTS: [&str; 2] = ["light_lamp", "light_sky"];
+
+/// The options of a picture that is lit by the lamp of the box and by a sky.
+fn words<'a>(output: &'a Path, samples: &'a str) -> Vec<&'a str> {
+    let usual = ["cornell-box.glb", "-o", text(output), "--size", "40x30", "--spp", samples, "--quiet"];
+    let lights = ["--env", "0.3,0.4,0.5", "--light-group", "lamp=*mitter*", "--light-group", "sky=environment"];
+    [&["render"][..], &usual, &lights].concat()
+}
+
+/// Color and groups of a file: red of each pixel.
+fn reds(path: &Path) -> [Vec<u32>; 3] {
+    let names = [LIGHTS.map(|layer| format!("{layer}.R")).to_vec(), vec!["R".to_owned()]].concat();
+    let (_, planes) = read_channels(path, ReadLimits::default(), &names).expect("a picture");
+    let planes: Vec<Vec<u32>> =
+        planes.into_iter().map(|plane| plane.expect("a layer").iter().map(|value| value.to_bits()).collect()).collect();
+    planes.try_into().expect("three channels")
+}
+
+#[test]
+fn light_groups_add_up_and_depend_on_nobody_who_paints() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [one, other, stopped] = ["one.exr", "other.exr", "stopped.exr"].map(|name| folder.path().join(name));
+    succeed(&[&words(&one, "64")[..], &["--threads", "1", "--agents", "1"]].concat());
+    succeed(&[&words(&other, "64")[..], &["--threads", "2", "--agents", "3", "--set", "work.zones=7"]].concat());
+    let of_one = reds(&one);
+    assert_eq!(of_one, reds(&other));
+    let [lamp, sky, whole] = of_one.each_ref().map(|bits| bits.iter().map(|bits| f32::from_bits(*bits)));
+    let mut sums = [0.0; 2];
+    for ((lamp, sky), whole) in lamp.zip(sky).zip(whole) {
+        assert!((lamp + sky - whole).abs() <= 1e-5 * whole.max(1.0), "{lamp} + {sky} is not {whole}");
+        sums = [sums[0] + lamp, sums[1] + sky];
+    }
+    assert!(sums.iter().all(|sum| *sum > 1.0), "{sums:?}");
+    // An interrupted picture goes on to the same bits
+    let long = words(&stopped, "64");
+    interrupt(&long);
+    succeed(&[&long[..], &["--resume"]].concat());
+    assert_eq!(reds(&stopped), of_one);
+}
+
+#[test]
+fn a_light_group_without_lights_names_the_lights_there_are() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let picture = folder.path().join("a.exr");
+    let small = ["render", "cornell-box.glb", "-o", text(&picture), "--size", "8x6", "--spp", "1"];
+    let output = run(&[&small[..], &["--light-group", "key=Lamp*"]].concat());
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success() && said.contains("no light belongs to `key`"), "{said}");
+    let listed = said.split("the lights are ").nth(1).expect("a list").trim().trim_end_matches('.').to_owned();
+    let first = listed.split([',', '\n']).next().expect("a light").trim().to_owned();
+    let output = run(&[&small[..], &["--light-group", &format!("key={first}")]].concat());
+    assert!(!String::from_utf8_lossy(&output.stderr).contains("no light"), "{first}");
+    for (wrong, expected) in [
+        (vec!["--light-group", "a.b=*"], "none of them a dot"),
+        (vec!["--light-group", "key=*", "--integrator", "photon"], "--integrator path"),
+        (vec!["--light-group", "key=*", "--engine", "mitsuba"], "exclude each other"),
+    ] {
+        let output = run(&[&small[..], &wrong].concat());
+        let said = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ").replace("\n      ", " ");
+        assert!(output.status.code() == Some(2) && said.contains(expected), "{wrong:?}: {said}");
+    }
+}
+
+#[test]
+fn files_have_the_color_space_compression_and_parts_that_are_asked_for() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let paint = |name: &str, more: &[&str]| {
+        let path = folder.path().join(name);
+        let usual = ["--size", "64x48", "--spp", "4", "--seed", "3", "--aov", "depth,crypto-object", "--quiet"];
+        succeed(&[&["render", "cornell-box.glb", "-o", text(&path)], &usual[..], more].concat());
+        path
+    };
+    let plain = paint("plain.exr", &[]);
+    let aces = paint("aces.exr", &["--colorspace", "acescg"]);
+    let lossy = paint("lossy.exr", &["--set=output.compression=dwaa", "--set=output.parts=true", "--half"]);
+    let color = |path: &Path| read_image(path, ReadLimits::default()).expect("a picture").picture.data;
+    let most = |path: &Path| {
+        let pairs = color(path).into_iter().zip(color(&plain)).collect::<Vec<_>>();
+        pairs
+            .iter()
+            .flat_map(|(a, b)| a.iter().zip(b))
+            .map(|(a, b)| (a - b).abs() / b.abs().max(1.0))
+            .fold(0.0, f32::max)
+    };
+    // The colors are the same; the numbers in the file are not
+    assert!(most(&aces) < 1e-3, "{}", most(&aces));
+    assert!(most(&lossy) < 0.05, "{}", most(&lossy));
+    assert_ne!(fs::read(&aces).expect("a file")[200..], fs::read(&plain).expect("a file")[200..]);
+    let depth = |path: &Path| {
+        let names = ["depth.Z".to_owned(), "CryptoObject00.R".to_owned()];
+        read_channels(path, ReadLimits::default(), &names).expect("a picture").1
+    };
+    let bits = |planes: Vec<Option<Vec<f32>>>| -> Vec<u32> {
+        planes.into_iter().flat_map(|plane| plane.expect("a layer")).map(f32::to_bits).collect()
+    };
+    assert_eq!(bits(depth(&plain)), bits(depth(&lossy)));
+    assert_eq!(bits(depth(&plain)), bits(depth(&aces)));
+}
+
+#[test]
+fn support_tells_what_is_read_from_what_is_replaced() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = folder.path().join("a.pbrt");
+    let hair = "Material \"hair\"\nShape \"sphere\" \"bool nonsense\" [ true ]\n";
+    let text_of = format!(
+        "Camera \"perspective\"\nWorldBegin\nLightSource \"point\"\nShape \"sphere\"\n{hair}{hair}\
+         MakeNamedMedium \"fog\" \"string type\" \"unheard-of\"\n"
+    );
+    fs::write(&scene, text_of).expect("a file");
+    let said = succeed(&["info", text(&scene), "--support"]);
+    let (read, rest) = said.split_once("replaced or left out").expect("two parts");
+    assert!(read.contains("3 spheres") && read.contains("1 point") && read.contains("1 perspective"), "{said}");
+    assert!(rest.contains("fog") || rest.contains("unheard-of"), "{said}");
+    let json: serde_json::Value = serde_json::from_str(&succeed(&["info", text(&scene), "--json"])).expect("JSON");
+    let unsupported = json["unsupported"].as_array().expect("a list");
+    assert!(
+        !unsupported.is_empty() && unsupported.len() <= json["warnings"].as_array().expect("a list").len(),
+        "{json}"
+    );
+    // Nothing is missing where all is read
+    assert!(succeed(&["info", "cornell-box.glb", "--support"]).contains("replaced or left out: nothing"));
+}
