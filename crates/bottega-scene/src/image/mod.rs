@@ -73,7 +73,7 @@ macro_rules! rearranged {
 
 impl Image {
     /// Makes a picture of linear RGB without alpha, row-major from the upper row. Negative values and values that are not
-    /// finite become 0; values above [`VALUE_MAX`](VALUE_MAX) become [`VALUE_MAX`](VALUE_MAX).
+    /// finite become 0; values above [`VALUE_MAX`] become [`VALUE_MAX`].
     ///
     /// # Panics
     ///
