@@ -26,7 +26,7 @@ from .paths import Path, Paths, is_same_path
 from .placements import Placement, placements_of
 from .report import Fidelity, Report
 from .textures import Pictures
-from .volumes import BOX, Volumes
+from .volumes import BOX, Volumes, is_gas_domain
 from .world import Surroundings, surroundings_of
 
 
@@ -128,6 +128,10 @@ class Export:
         self.report.begin("objects")
         for name, text in found.skipped.items():
             self.report.add("objects", name, "Object", Fidelity.LEFT_OUT, f"{text} left out")
+        for group in found.groups.values():
+            if is_gas_domain(group.item):
+                text = "smoke of a fluid domain is rendered as even fog: bake it as OpenVDB, and add its files as a volume object"
+                self.report.add("objects", group.item.name, "Fluid", Fidelity.LEFT_OUT, text)
         # Pixels that textures hold are not needed twice.
         self._pictures.loaded.clear()
 

@@ -208,6 +208,12 @@ def look_of(reader: ColorReader, source: Source, note: Any) -> Look | None:
     return Look(look.absorption, look.scattering, look.g, grid, name, emission, kelvin.number())
 
 
+def is_gas_domain(item: Any) -> bool:
+    """Returns true if an object is the domain of a simulation of smoke or fire."""
+    fluids = [modifier for modifier in item.modifiers if modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN"]
+    return any(modifier.domain_settings.domain_type == "GAS" for modifier in fluids)
+
+
 def density_of(reader: ColorReader, source: Source) -> tuple[str, float | None]:
     """Returns the grid of the density, and its factor; `None`: that of the shader's input."""
     attribute = named(source.node, source.groups, "Density Attribute")
