@@ -192,13 +192,13 @@ fn stack_sample_base(it: Stack, wo: vec3f, u: vec2f) -> StackBounce {
 fn stack_walk(it: Stack, wo: vec3f, wi: vec3f) -> vec3f {
     let scatters = math_max3(it.albedo) > 0.0;
     let rough_top = !microfacets_is_smooth(it.facets);
-    var state = chances_new(wo, wi);
-    let entered = stack_enter(it, wo, chances_pair(&state));
+    var state = walk_random_new(wo, wi);
+    let entered = stack_enter(it, wo, walk_random_pair(&state));
     if entered.z == 0.0 {
         return vec3f(0.0);
     }
     // Follow the light in from wi: `way` points down, and light arrives from its opposite.
-    let exit = stack_enter(it, wi, chances_pair(&state));
+    let exit = stack_enter(it, wi, walk_random_pair(&state));
     let way = exit.xyz;
     let left = exit.w / max(-way.z, 1e-30);
     let way_density = stack_crossing(it, wi, select(vec3f(0.0, 0.0, -1.0), way, exit.z < 0.0)).y;
@@ -212,7 +212,7 @@ fn stack_walk(it: Stack, wo: vec3f, wi: vec3f) -> vec3f {
         if event > 3u {
             let survival = min(math_max3(carried), 1.0);
             if survival < 0.25 {
-                if chances_next(&state) >= survival {
+                if walk_random_next(&state) >= survival {
                     break;
                 }
                 carried /= survival;
@@ -224,7 +224,7 @@ fn stack_walk(it: Stack, wo: vec3f, wi: vec3f) -> vec3f {
         var is_within = false;
         // Sample the distance to the next scattering, or attenuate.
         if scatters {
-            let step = -math_ln(1.0 - chances_next(&state)) * abs(w.z);
+            let step = -math_ln(1.0 - walk_random_next(&state)) * abs(w.z);
             let next = depth + select(step, -step, w.z > 0.0);
             is_within = next > 0.0 && next < it.thickness;
             depth = select(depth, next, is_within);
@@ -245,14 +245,14 @@ fn stack_walk(it: Stack, wo: vec3f, wi: vec3f) -> vec3f {
                     sum += carried * conductor_reflectance(it.metal, -way.z) * (mirrored * left * passed);
                 }
             }
-            let next = coated_sample_henyey_greenstein(it.g, w, chances_pair(&state));
+            let next = coated_sample_henyey_greenstein(it.g, w, walk_random_pair(&state));
             density = coated_henyey_greenstein(it.g, dot(w, next));
             w = next;
             goes_up = w.z > 0.0;
         } else if w.z > 0.0 {
             // Reflect at the boundary from below and continue.
             depth = 0.0;
-            let down = stack_reflected_within(it, w, chances_pair(&state));
+            let down = stack_reflected_within(it, w, walk_random_pair(&state));
             if down.z == 0.0 {
                 break;
             }
@@ -267,7 +267,7 @@ fn stack_walk(it: Stack, wo: vec3f, wi: vec3f) -> vec3f {
                 let weight = select(1.0, coated_balance(way_density, value.pdf), rough_top);
                 sum += carried * value.value * (weight * exit.w * stack_passed(it.thickness, way));
             }
-            let next = stack_sample_base(it, up, chances_pair(&state));
+            let next = stack_sample_base(it, up, walk_random_pair(&state));
             if !next.exists {
                 break;
             }
@@ -323,7 +323,7 @@ fn stack_walk_out(it: Stack, wo: vec3f, u: vec2f, seed: vec2u) -> StackExit {
     var has_first = !rough_top;
     var at_top = u;
     if !rough_top {
-        at_top = chances_pair(&state);
+        at_top = walk_random_pair(&state);
     }
     let entered = stack_enter(it, wo, at_top);
     if entered.z == 0.0 {
@@ -338,7 +338,7 @@ fn stack_walk_out(it: Stack, wo: vec3f, u: vec2f, seed: vec2u) -> StackExit {
         if events > 3u {
             let survival = min(math_max3(carried), 1.0);
             if survival < 0.25 {
-                if chances_next(&state) >= survival {
+                if walk_random_next(&state) >= survival {
                     return nothing;
                 }
                 carried /= survival;
@@ -347,7 +347,7 @@ fn stack_walk_out(it: Stack, wo: vec3f, u: vec2f, seed: vec2u) -> StackExit {
         // Sample the distance to the next scattering, or attenuate.
         var is_within = false;
         if scatters {
-            let step = -math_ln(1.0 - chances_next(&state)) * abs(w.z);
+            let step = -math_ln(1.0 - walk_random_next(&state)) * abs(w.z);
             let next = depth + select(step, -step, w.z > 0.0);
             is_within = next > 0.0 && next < it.thickness;
             depth = select(depth, next, is_within);
@@ -356,13 +356,13 @@ fn stack_walk_out(it: Stack, wo: vec3f, u: vec2f, seed: vec2u) -> StackExit {
         }
         if is_within {
             carried *= it.albedo;
-            w = coated_sample_henyey_greenstein(it.g, w, chances_pair(&state));
+            w = coated_sample_henyey_greenstein(it.g, w, walk_random_pair(&state));
             is_spread = true;
         } else if w.z > 0.0 {
             // Reflect or refract at the boundary; seen from inside, its normal points down.
             let o = vec3f(-w.xy, w.z);
-            let h = microfacets_sample_visible_normal(it.facets, o, chances_pair(&state));
-            let mirrors = chances_next(&state) < fresnel_dielectric(dot(o, h), 1.0 / it.eta);
+            let h = microfacets_sample_visible_normal(it.facets, o, walk_random_pair(&state));
+            let mirrors = walk_random_next(&state) < fresnel_dielectric(dot(o, h), 1.0 / it.eta);
             var i = fresnel_reflect(o, h);
             if !mirrors {
                 i = fresnel_refract(o, h, 1.0 / it.eta).xyz;
@@ -380,7 +380,7 @@ fn stack_walk_out(it: Stack, wo: vec3f, u: vec2f, seed: vec2u) -> StackExit {
             // Scatter at the base.
             var at_base = u;
             if !has_first {
-                at_base = chances_pair(&state);
+                at_base = walk_random_pair(&state);
             }
             has_first = false;
             let next = stack_sample_base(it, -w, at_base);
@@ -416,7 +416,7 @@ fn stack_sample(b: ptr<function, Bsdf>, u: vec3f) -> BsdfDrawn {
     var weight = vec3f(0.0);
     var kind = BSDF_GLOSSY;
     if u.x >= chances.x {
-        let exit = stack_walk_out(it, wo, u.yz, chances_new(wo, vec3f(rest, u.yz)));
+        let exit = stack_walk_out(it, wo, u.yz, walk_random_new(wo, vec3f(rest, u.yz)));
         if !exit.exists {
             return BSDF_NONE;
         }
@@ -485,7 +485,7 @@ fn coated_sample_henyey_greenstein(g: f32, w: vec3f, u: vec2f) -> vec3f {
 }
 
 // Seeds a walk's random numbers.
-fn chances_new(wo: vec3f, wi: vec3f) -> vec2u {
+fn walk_random_new(wo: vec3f, wi: vec3f) -> vec2u {
     var state = vec2u(0x7f4a7c15u, 0x9e3779b9u);
     state = coated_mixed(state ^ vec2u(bitcast<u32>(wo.x), 0u));
     state = coated_mixed(state ^ vec2u(bitcast<u32>(wo.y), 0u));
@@ -495,15 +495,15 @@ fn chances_new(wo: vec3f, wi: vec3f) -> vec2u {
     return coated_mixed(state ^ vec2u(bitcast<u32>(wi.z), 0u));
 }
 
-fn chances_next(state: ptr<function, vec2u>) -> f32 {
+fn walk_random_next(state: ptr<function, vec2u>) -> f32 {
     let low = (*state).x + 0x7f4a7c15u;
     *state = vec2u(low, (*state).y + 0x9e3779b9u + select(0u, 1u, low < 0x7f4a7c15u));
     return f32(coated_mixed(*state).y >> 8u) / f32(1u << 24u);
 }
 
-fn chances_pair(state: ptr<function, vec2u>) -> vec2f {
-    let first = chances_next(state);
-    return vec2f(first, chances_next(state));
+fn walk_random_pair(state: ptr<function, vec2u>) -> vec2f {
+    let first = walk_random_next(state);
+    return vec2f(first, walk_random_next(state));
 }
 
 // Steele, Lea and Flood 2014 (`sampler_mix`, Stafford's variant 13).
