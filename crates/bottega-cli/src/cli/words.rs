@@ -100,8 +100,10 @@ fn set_words(path: &str, value: &Value, usual: &Value, words: &mut Vec<String>) 
             set_words(&path, value, usual.get(name).unwrap_or(&Value::Null), words);
         }
     };
+    // A path names no member with these characters: the whole object is then written
+    let has_path = |fields: &Map<String, Value>| !fields.keys().any(|name| name.contains(['=', '.']));
     match (value, usual) {
-        (Value::Object(fields), Value::Object(_)) => inner(fields, words),
+        (Value::Object(fields), Value::Object(_)) if has_path(fields) => inner(fields, words),
         // The fields of `frames` are options
         (Value::Object(fields), Value::Null) if fields.values().all(Value::is_null) => {}
         _ => words.push(format!("--set={path}={}", set_text(value))),
