@@ -11,6 +11,7 @@ import numpy as np
 
 from .export.camera import Frame
 from .export.light_groups import GROUPS_MAX
+from .export.report import Fidelity, Report
 
 # What the name of a light group's pass begins with, as in Cycles.
 GROUP_PASS = "Combined_"
@@ -61,6 +62,13 @@ def groups_of(layer: Any) -> list[str]:
 
 
 _LAYERS = {"Depth": "depth", "Normal": "normal", "Mist": "depth", "Albedo": "albedo", "Sample Count": "samples", "Cost": "cost"}
+
+
+def note_groups(layer: Any, report: Report) -> None:
+    """Notes the light groups that a picture has no room for."""
+    for group in list(getattr(layer, "lightgroups", ()))[GROUPS_MAX:]:
+        text = f"a picture has {GROUPS_MAX} light groups at most: this one has no pass"
+        report.add("light groups", group.name, "Light Group", Fidelity.LEFT_OUT, text)
 
 
 def request_fields(

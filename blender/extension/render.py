@@ -16,7 +16,7 @@ from .export.camera import Frame, camera_keys, camera_of, frame_of, is_mirrored
 from .export.moments import Clock, Motion, camera_matrix, follow, lens_of
 from .export.report import Fidelity, Report
 from .export.shutter import shutter_of
-from .final import Finish, Layers, PassInfo, crop_of, passes_of, pixels_of, request_fields, reversed_crop
+from .final import Finish, Layers, PassInfo, crop_of, note_groups, passes_of, pixels_of, request_fields, reversed_crop
 from .work import Work, work_for
 
 # Seconds between looks at whether the user has pressed Escape.
@@ -59,6 +59,7 @@ def render(engine: Any, depsgraph: Any) -> None:
         _see_backdrop(camera, export, camera_object.name, layer)
         if scene.render.film_transparent and getattr(getattr(scene, "cycles", None), "film_transparent_glass", False):
             export.report.add("camera", scene.name, "Transparent Glass", Fidelity.APPROXIMATED, "behind glass alpha is 1")
+        note_groups(layer, export.report)
         export.scene.cameras["camera"] = camera
         if path:
             export.scene.cameras.set_motion("camera", path)

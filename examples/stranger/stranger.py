@@ -207,6 +207,13 @@ class Stranger:
         names = [fields(fields(agent)["name"]) for agent in agents]
         return [(name["name"], name["addresses"][1]) for name in names]
 
+    def is_absent(self):
+        """True if the yellow pages say that the Master is gone. A platform that is too busy to answer says nothing."""
+        try:
+            return self.master not in self.masters()
+        except TimeoutError:
+            return False
+
     def find_master(self):
         is_waiting = False
         while not (masters := self.masters()):
@@ -287,12 +294,14 @@ class Stranger:
             sys.exit(f"{self.master[0]} does not want this agent: {write(first['content'][0])}")
         print(f"{self.transport.name} takes part in the work of {self.master[0]}", flush=True)
         painting = threading.Thread(target=self.paint_all, daemon=True)
+        absences = 0
         try:
             while True:
                 try:
                     told = self.heard.get(timeout=10)
-                except queue.Empty:  # Its last message may be lost, or it was killed.
-                    if self.master not in self.masters():
+                except queue.Empty:  # Its last message may be lost, or it was killed; or that message is still on its way.
+                    absences = absences + 1 if self.is_absent() else 0
+                    if absences == 2:
                         sys.exit(f"{self.master[0]} is no longer in the yellow pages")
                     continue
                 if told["conversation-id"] != conversation:

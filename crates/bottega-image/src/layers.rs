@@ -1,4 +1,4 @@
-//! Named layers of other engines, with channels of their own.
+//! Named layers with channels of their own: those of other engines, and of light groups.
 
 use crate::aov::{Aov, AovSet};
 

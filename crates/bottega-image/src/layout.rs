@@ -7,7 +7,7 @@ use crate::layers::{Layer, Layers, LayersError};
 use crate::matte;
 
 /// The offsets of the values in a pixel of a [`Tile`](crate::Tile): radiance R G B, alpha, the sum of squared
-/// luminances (for the variance), the sample count, the kept AOVs (Cryptomattes last), then the layers of other engines: averaged ones,
+/// luminances (for the variance), the sample count, the kept AOVs (Cryptomattes last), then the named layers: averaged ones,
 /// then picked ones. Picked values are not sums; they are followed by the sample count of their pass.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {

@@ -15,7 +15,7 @@
 //! |---|---|
 //! | rectangles of pixels | `src/rect.rs` |
 //! | sums of samples, their weighted means | `src/tile.rs`, `src/film.rs` |
-//! | offsets of values in a pixel; layers of other engines | `src/layout.rs`, `src/layers.rs` |
+//! | offsets of values in a pixel; named layers | `src/layout.rs`, `src/layers.rs` |
 //! | Cryptomattes: ranks of a pixel; identities and manifests | `src/matte.rs`, `src/cryptomatte.rs` |
 //! | writing of OpenEXR and PNG; the format by file name | `src/exr_write.rs`, `src/png_write.rs`, `src/output.rs` |
 //! | reading of OpenEXR, Radiance and PNG, for scenes and for comparing | `src/read.rs`, `src/exr_read/`, `src/radiance_read.rs`, `src/png_read.rs`; whole files: `src/whole.rs` |

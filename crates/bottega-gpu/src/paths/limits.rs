@@ -19,6 +19,9 @@ pub(super) fn refusal(block: &BlockWork) -> Option<String> {
     if let Some(aov) = block.tile.layout().aovs().iter().find(|aov| !LAYERS.contains(aov)) {
         return Some(format!("devices do not support the layer `{}`", aov.name()));
     }
+    if let Some(layer) = block.tile.layout().layers().first() {
+        return Some(format!("devices do not support the layer `{}`", layer.name));
+    }
     if block.settings.photons.is_some() {
         return Some("devices do not support photon mapping".to_owned());
     }

@@ -4,7 +4,7 @@ mod scenes;
 
 use std::sync::Arc;
 
-use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
+use bottega_image::{Aov, AovSet, Combine, Layer, Layout, Rect, Tile};
 use bottega_kernels::Ray;
 use bottega_render::{
     BlockWork, DirectLight, Filter, PathSettings, PrepareOptions, PreparedScene, RenderOutput, RenderWork, View,
@@ -269,8 +269,12 @@ fn unsupported_units_are_returned_and_the_others_are_done() {
         })
     };
     let costly = Layout::new(AovSet::NONE.with(Aov::Cost));
+    let channels = ["R", "G", "B"].map(str::to_owned).to_vec();
+    let group = Layer { name: "light_key".to_owned(), channels, combine: Combine::Mean };
+    let grouped = Layout::with_layers(AovSet::NONE, vec![group]).unwrap();
     let works = vec![
         block(&scene, costly, 0..1),
+        block(&scene, grouped, 0..1),
         RenderWork::Rays { scene: prepare(scenes::open()), rays: Arc::default() },
         block(&prepare(scenes::open()), layout(), 0..1),
         block(&scene, layout(), 0..0),
@@ -282,13 +286,14 @@ fn unsupported_units_are_returned_and_the_others_are_done() {
         reasons,
         [
             Some("devices do not support the layer `cost`"),
+            Some("devices do not support the layer `light_key`"),
             Some("the scene was not given to this device"),
             Some("the scene was not given to this device"),
             None,
             None
         ]
     );
-    let Ok(RenderOutput::Block(output)) = &outcomes[4] else { panic!("no block") };
+    let Ok(RenderOutput::Block(output)) = &outcomes[5] else { panic!("no block") };
     assert!(output.tile.sums().chunks_exact(6).all(|pixel| pixel[Layout::SAMPLE_COUNT] == 3.0));
 }
 
