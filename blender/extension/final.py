@@ -33,11 +33,9 @@ class PassInfo:
 class Finish:
     """What is done to a picture of the renderer for Blender.
 
-    - `is_mirrored`: its columns are reversed.
     - `reach`: what is farther away is a backdrop, which passes do not show; `None`: there is none.
     """
 
-    is_mirrored: bool = False
     reach: float | None = None
 
 
@@ -130,20 +128,14 @@ def crop_of(render: Any, frame: Frame) -> tuple[int, int, int, int] | None:
     return x0, frame.height - high, x1, frame.height - low
 
 
-def reversed_crop(crop: tuple[int, int, int, int] | None, frame: Frame) -> tuple[int, int, int, int] | None:
-    """Returns a region of a picture whose columns are reversed."""
-    return None if crop is None else (frame.width - crop[2], crop[1], frame.width - crop[0], crop[3])
-
-
 def pixels_of(picture: Layers, info: PassInfo | None, scene: Any, finish: Finish) -> np.ndarray:
     """Returns a pass, or Combined for `None`: float32, (rows × columns, channels), the lowest row first.
 
     `picture`: layers by name.
     """
-    columns = -1 if finish.is_mirrored else 1
 
     def flipped(layer: Any) -> Any:
-        return np.asarray(layer)[::-1, ::columns]
+        return np.asarray(layer)[::-1]
 
     if info is None:
         color = flipped(picture["color"])

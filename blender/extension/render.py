@@ -12,11 +12,11 @@ import bottega
 import bpy
 
 from .export import Export
-from .export.camera import Frame, camera_keys, camera_of, frame_of, is_mirrored
+from .export.camera import Frame, camera_keys, camera_of, frame_of
 from .export.moments import Clock, Motion, camera_matrix, follow, lens_of
 from .export.report import Fidelity, Report
 from .export.shutter import shutter_of
-from .final import Finish, Layers, PassInfo, crop_of, note_groups, passes_of, pixels_of, request_fields, reversed_crop
+from .final import Finish, Layers, PassInfo, crop_of, note_groups, passes_of, pixels_of, request_fields
 from .work import Work, work_for
 
 # Seconds between looks at whether the user has pressed Escape.
@@ -64,24 +64,22 @@ def render(engine: Any, depsgraph: Any) -> None:
         if path:
             export.scene.cameras.set_motion("camera", path)
         if engine.is_preview:
-            _paint(engine, scene, layer, frame, export, Finish(is_mirrored(camera), export.reach))
+            _paint(engine, scene, layer, frame, export, Finish(export.reach))
             return
         Kept.last_report = export.report
         if Kept.save_to is not None:
-            _save(engine, scene, frame, export.scene, is_mirrored(camera))
+            _save(scene, frame, export.scene)
             return
-        _paint(engine, scene, layer, frame, export, Finish(is_mirrored(camera), export.reach))
+        _paint(engine, scene, layer, frame, export, Finish(export.reach))
     except bottega.Error as error:
         # `error_set` would write a black picture.
         engine.report({"ERROR"}, f"Bottega: {error}")
 
 
-def _save(engine: Any, scene: Any, frame: Frame, made: bottega.Scene, mirrors: bool) -> None:
+def _save(scene: Any, frame: Frame, made: bottega.Scene) -> None:
     """Writes the scene to a file, unless another view layer has been written."""
     if Kept.is_saved or Kept.save_to is None:
         return
-    if mirrors:
-        engine.report({"WARNING"}, "The camera mirrors, so the picture of the file has its columns reversed")
     settings = scene.bottega
     made.save(Kept.save_to, size=(frame.width, frame.height), spp=settings.samples, max_depth=settings.max_depth)
     Kept.is_saved = True
@@ -142,8 +140,7 @@ def _paint(engine: Any, scene: Any, layer: Any, frame: Frame, export: Export, fi
     """Renders the picture in another thread; in this one shows what is painted, and watches for Escape."""
     crop = crop_of(scene.render, frame)
     made = export.scene
-    shown = reversed_crop(crop, frame) if finish.is_mirrored else crop
-    fields = request_fields(scene, layer, frame, shown, finish, export.light_groups)
+    fields = request_fields(scene, layer, frame, crop, finish, export.light_groups)
     if engine.is_preview:
         fields.pop("light_groups", None)
         fields.update(PREVIEW)

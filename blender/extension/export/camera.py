@@ -14,9 +14,6 @@ from . import axes
 from .report import Fidelity, Report
 
 
-_TO_PBRT = np.array([[0, 0, -1, 0], [0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1]], np.float64)
-
-
 @dataclass(frozen=True)
 class Frame:
     """The picture that a camera makes: columns, rows, and the shape of a pixel."""
@@ -47,8 +44,7 @@ def camera_of(camera: Any, matrix: Any, frame: Frame, report: Report) -> bottega
     """
     data = camera.data
     width, height = frame.extents
-    fits_height = data.sensor_fit == "VERTICAL" or (data.sensor_fit == "AUTO" and height > width)
-    sensor = data.sensor_height if data.sensor_fit == "VERTICAL" else data.sensor_width
+    sensor, fits_height = _sensor(data, frame)
     longest = height if fits_height else width
     fields: dict[str, Any] = {"transform": _placed(matrix), "near": data.clip_start, "far": data.clip_end}
 
@@ -60,13 +56,11 @@ def camera_of(camera: Any, matrix: Any, frame: Frame, report: Report) -> bottega
         half_height = 0.5 * sensor / max(data.lens, 1e-3) * height / longest
         fields.update(fov=_degrees(half_height))
     else:
-        return _panorama(camera, matrix, fields, report)
+        return _panorama(camera, frame, fields, report)
     fields["pixel_aspect"] = frame.pixel_aspect_x / frame.pixel_aspect_y
     # Blender's shift is in units of the fitted side, and moves the frame; ours moves the axis within the frame.
     fields["shift"] = (-2.0 * data.shift_x * longest / width, -2.0 * data.shift_y * longest / height)
     fields.update(_depth_of_field(camera, data, matrix))
-    if data.dof.use_dof and (data.dof.aperture_blades >= 3 or data.dof.aperture_ratio != 1.0):
-        report.add("camera", camera.name, "Depth of Field", Fidelity.APPROXIMATED, "the aperture is a circle")
     return bottega.Camera(**fields)
 
 
@@ -75,28 +69,51 @@ def camera_keys(camera: Any, path: list[tuple[float, Any]]) -> list[tuple[float,
 
     `path`: times, and matrices from the space of the camera to Blender's world.
     """
-    turn = _TO_PBRT if camera.data.type not in ("ORTHO", "PERSP") else np.eye(4)
-    return [(time, _placed(matrix @ turn)) for time, matrix in path]
+    return [(time, _placed(matrix)) for time, matrix in path]
 
 
-def _panorama(camera: Any, matrix: Any, fields: dict[str, Any], report: Report) -> bottega.Camera:
+def _panorama(camera: Any, frame: Frame, fields: dict[str, Any], report: Report) -> bottega.Camera:
     data = camera.data
-    kind = str(getattr(data, "panorama_type", "") or getattr(getattr(data, "cycles", None), "panorama_type", ""))
-    if kind != "EQUIRECTANGULAR":
+    # Blender 5 has these settings itself, earlier ones in Cycles.
+    owner = data if hasattr(data, "panorama_type") else getattr(data, "cycles", None)
+    kind = str(getattr(owner, "panorama_type", "EQUIRECTANGULAR"))
+    fields.update(near=0.0, far=math.inf)
+    width, height = frame.extents
+    if kind == "FISHEYE_EQUIDISTANT":
+        # The circle fills the picture, whatever its shape.
+        fields.update(projection="fisheye", fisheye_fov=_of_circle(owner.fisheye_fov), pixel_aspect=frame.height / frame.width)
+    elif kind == "MIRRORBALL":
+        fields.update(projection="equisolid_fisheye", fisheye_fov=360.0, pixel_aspect=frame.height / frame.width)
+    elif kind == "FISHEYE_EQUISOLID":
+        sensor, is_by_height = _sensor(data, frame)
+        sensor_height = sensor if is_by_height else sensor * height / width
+        rim = 2.0 * owner.fisheye_lens * math.sin(0.25 * owner.fisheye_fov)
+        fields.update(projection="equisolid_fisheye", fisheye_fov=_of_circle(owner.fisheye_fov))
+        fields.update(circle_height=0.5 * sensor_height / rim, pixel_aspect=frame.pixel_aspect_x / frame.pixel_aspect_y)
+    else:
+        ranges = ("longitude_min", "longitude_max", "latitude_min", "latitude_max")
+        whole = (-math.pi, math.pi, -0.5 * math.pi, 0.5 * math.pi)
+        is_whole = all(abs(getattr(owner, name, side) - side) < 1e-5 for name, side in zip(ranges, whole))
         note = f"the panorama {kind.lower().replace('_', ' ')} is rendered as an equirectangular one"
-        report.add("camera", camera.name, "Panorama", Fidelity.APPROXIMATED, note)
-    # The renderer's panorama is that of pbrt: mirrored, with the view ahead at a quarter of its width.
-    fields["transform"] = _placed(np.array(matrix, np.float64) @ _TO_PBRT)
-    fields.update(near=0.0, far=math.inf, projection="equirectangular")
+        if kind != "EQUIRECTANGULAR" or not is_whole:
+            part = note if kind != "EQUIRECTANGULAR" else "the whole sphere is rendered"
+            report.add("camera", camera.name, "Panorama", Fidelity.APPROXIMATED, part)
+        fields["projection"] = "equirectangular"
     return bottega.Camera(**fields)
 
 
-def is_mirrored(camera: bottega.Camera) -> bool:
-    """Returns true if the columns of a camera's picture must be reversed for Blender."""
-    return camera.projection == "equirectangular"
+def _of_circle(angle: float) -> float:
+    return min(math.degrees(angle), 360.0)
 
 
-def _depth_of_field(camera: Any, data: Any, matrix: Any) -> dict[str, float]:
+def _sensor(data: Any, frame: Frame) -> tuple[float, bool]:
+    """Returns the side of the sensor that the picture fits, and true if this is its height."""
+    width, height = frame.extents
+    is_by_height = data.sensor_fit == "VERTICAL" or (data.sensor_fit == "AUTO" and height > width)
+    return (data.sensor_height if data.sensor_fit == "VERTICAL" else data.sensor_width), is_by_height
+
+
+def _depth_of_field(camera: Any, data: Any, matrix: Any) -> dict[str, Any]:
     if not data.dof.use_dof:
         return {}
     focus = data.dof.focus_object
@@ -107,7 +124,10 @@ def _depth_of_field(camera: Any, data: Any, matrix: Any) -> dict[str, float]:
         distance = abs(float((to_camera @ np.array(focus.matrix_world, np.float64))[2, 3]))
     stop = max(data.dof.aperture_fstop, 1e-5)
     radius = 0.5 / stop if data.type == "ORTHO" else 0.5e-3 * data.lens / stop
-    return {"lens_radius": radius, "focus_distance": max(distance, 1e-4)}
+    lens: dict[str, Any] = {"lens_radius": radius, "focus_distance": max(distance, 1e-4)}
+    if data.dof.aperture_blades >= 3:
+        lens.update(blades=data.dof.aperture_blades, blade_rotation=math.degrees(data.dof.aperture_rotation))
+    return {**lens, "aperture_ratio": min(max(data.dof.aperture_ratio, 1e-4), 1e4)}
 
 
 def view_camera(region: Any, view: Any, scene: Any, camera: Any, report: Report) -> tuple[bottega.Camera, Frame]:

@@ -1,15 +1,20 @@
-//! Camera rays: perspective and orthographic cameras with thin lens, panoramas.
+//! Camera rays: perspective and orthographic cameras with a thin lens or a system of lenses, fisheyes, panoramas.
+
+mod eyes;
+mod opening;
+mod panorama;
 
 use bottega_kernels::{MovingTransform, math};
-use bottega_scene::{Camera, Clip, Panorama, Projection};
+use bottega_scene::{Aperture, Camera, Clip, LensSystem, Panorama, Projection};
 use glam::{Affine3A, Mat3, Vec2, Vec3};
 use std::{f32::consts::PI, sync::Arc};
 
-use crate::{
-    flat::{CameraRecord, code},
-    lights::direction_of_square,
-    sampling::uniform_disk,
+use self::{
+    eyes::Eyes,
+    opening::LensOpening,
+    panorama::{Fisheye, direction_of_panorama},
 };
+use crate::flat::{CameraRecord, code};
 
 /// The width of a path's beam, which limits the detail that it can resolve; after Akenine-Möller et al. 2021, *Improved
 /// Shader and Texture Level of Detail Using Ray Cones*.
@@ -47,6 +52,8 @@ pub struct CameraRay {
     pub start: f32,
     /// Distance from the origin up to which surfaces are visible: to the far plane.
     pub reach: f32,
+    /// Factor of the light along the ray; 0: lenses block it, or the place lies beyond the rim of a fisheye.
+    pub weight: f32,
 }
 
 /// A generator of camera rays for one camera and one picture size.
@@ -60,6 +67,11 @@ pub struct CameraRays {
     /// Two over the picture's size in pixels.
     double_pixel: Vec2,
     kind: ProjectionKind,
+    /// The lenses of [`ProjectionKind::Lenses`].
+    lenses: Option<LensSystem>,
+    /// The eyes of a stereo picture.
+    eyes: Option<Eyes>,
+    lens: LensOpening,
     lens_radius: f32,
     focus_distance: f32,
     cone: RayCone,
@@ -69,10 +81,12 @@ pub struct CameraRays {
 }
 
 /// The kind of projection.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum ProjectionKind {
     Perspective,
     Parallel,
+    Lenses,
+    Fisheye(Fisheye),
     Panorama(Panorama),
 }
 
@@ -80,10 +94,21 @@ impl CameraRays {
     /// Creates the generator. The extent along the camera's [`FovAxis`](bottega_scene::FovAxis) is kept for any shape of
     /// the picture.
     pub fn new(camera: &Camera, width: u32, height: u32) -> Self {
-        let size = Vec2::new(width.max(1) as f32, height.max(1) as f32);
+        let whole = Vec2::new(width.max(1) as f32, height.max(1) as f32);
+        let (eyes, size) = camera.stereo.map_or((None, whole), |stereo| {
+            let (eyes, size) = Eyes::new(stereo, whole);
+            (Some(eyes), size)
+        });
         let (mut half_height, kind) = match camera.projection {
-            Projection::Perspective { vertical_fov } => (math::tan(0.5 * vertical_fov), ProjectionKind::Perspective),
+            Projection::Perspective { vertical_fov } => {
+                let kind =
+                    if camera.lenses.is_some() { ProjectionKind::Lenses } else { ProjectionKind::Perspective };
+                (math::tan(0.5 * vertical_fov), kind)
+            }
             Projection::Orthographic { height } => (0.5 * height, ProjectionKind::Parallel),
+            Projection::Fisheye { mapping, field_of_view, height } => {
+                (height, ProjectionKind::Fisheye(Fisheye::new(mapping, field_of_view)))
+            }
             Projection::Panorama(panorama) => (0.0, ProjectionKind::Panorama(panorama)),
         };
         // Width over height of the visible extent; differs from the picture's for pixels that are not square
@@ -95,21 +120,34 @@ impl CameraRays {
         let pixel = 2.0 * half_height / size.y;
         let beam = pixel * BEAM;
         let cone = match kind {
-            ProjectionKind::Perspective => RayCone { width: 0.0, spread: beam },
+            ProjectionKind::Perspective | ProjectionKind::Lenses => RayCone { width: 0.0, spread: beam },
             ProjectionKind::Parallel => RayCone { width: beam, spread: 0.0 },
+            ProjectionKind::Fisheye(fisheye) => RayCone { width: 0.0, spread: beam * fisheye.rim() },
             // Square root of the mean solid angle of a pixel
             ProjectionKind::Panorama(_) => RayCone { width: 0.0, spread: (4.0 * PI / (size.x * size.y)).sqrt() * BEAM },
         };
+        let half_extent = match &camera.lenses {
+            // The film has the shape of the picture
+            Some(lenses) if kind == ProjectionKind::Lenses => {
+                Vec2::new(shown, 1.0).normalize() * (0.5 * lenses.description().film_diagonal)
+            }
+            _ => Vec2::new(half_height * shown, half_height),
+        };
+        let is_flat = matches!(kind, ProjectionKind::Perspective | ProjectionKind::Parallel);
+        let lens_radius = if is_flat { camera.lens_radius } else { 0.0 };
         Self {
             world_from_camera: camera.world_from_camera,
-            half_extent: Vec2::new(half_height * shown, half_height),
+            half_extent,
             lens_shift: camera.lens_shift,
             double_pixel: 2.0 / size,
             kind,
-            lens_radius: if matches!(kind, ProjectionKind::Panorama(_)) { 0.0 } else { camera.lens_radius },
+            lenses: camera.lenses.clone(),
+            eyes,
+            lens: LensOpening::new(lens_radius, camera.aperture),
+            lens_radius,
             focus_distance: camera.focus_distance,
             cone,
-            clip: if matches!(kind, ProjectionKind::Panorama(_)) { Clip::NONE } else { camera.clip },
+            clip: if is_flat { camera.clip } else { Clip::NONE },
             motion: None,
         }
     }
@@ -128,10 +166,13 @@ impl CameraRays {
             shift: self.lens_shift,
             double_pixel: self.double_pixel,
             kind: match self.kind {
-                ProjectionKind::Perspective => code::CAMERA_PERSPECTIVE,
+                // Devices decline fisheyes, lenses and cubes, see `is_for_devices`
+                ProjectionKind::Perspective | ProjectionKind::Lenses | ProjectionKind::Fisheye(_) => {
+                    code::CAMERA_PERSPECTIVE
+                }
                 ProjectionKind::Parallel => code::CAMERA_PARALLEL,
                 ProjectionKind::Panorama(Panorama::Equirectangular) => code::CAMERA_EQUIRECTANGULAR,
-                ProjectionKind::Panorama(Panorama::EqualArea) => code::CAMERA_EQUAL_AREA,
+                ProjectionKind::Panorama(Panorama::EqualArea | Panorama::Cube) => code::CAMERA_EQUAL_AREA,
             },
             lens_radius: self.lens_radius,
             focus: self.focus_distance,
@@ -148,32 +189,69 @@ impl CameraRays {
     /// - `lens`: random numbers for the position on the lens, if it has a radius.
     #[inline(always)]
     pub fn ray(&self, place: Vec2, lens: [f32; 2]) -> CameraRay {
-        self.ray_from(&self.world_from_camera, place, lens)
+        self.ray_of_pixel(place, Vec2::ZERO, lens)
     }
 
-    /// Returns the ray through a position of the picture at a time of the shutter, from 0 to 1; see [`Self::ray`].
-    pub(crate) fn ray_at(&self, place: Vec2, lens: [f32; 2], time: f32) -> CameraRay {
+    /// Returns the ray through a position near the centre of a pixel, which decides on the eye of a stereo picture and the
+    /// face of a cube.
+    ///
+    /// - `center`: position of the centre, see [`Self::ray`].
+    /// - `offset`: distance from there, in pixels.
+    #[inline(always)]
+    pub fn ray_of_pixel(&self, center: Vec2, offset: Vec2, lens: [f32; 2]) -> CameraRay {
+        self.ray_from(&self.world_from_camera, center, offset, lens)
+    }
+
+    /// Returns the ray through a position near the centre of a pixel at a time of the shutter, from 0 to 1; see
+    /// [`Self::ray_of_pixel`].
+    pub(crate) fn ray_at(&self, center: Vec2, offset: Vec2, lens: [f32; 2], time: f32) -> CameraRay {
         match &self.motion {
-            None => self.ray(place, lens),
-            Some(motion) => self.ray_from(&motion.at(time), place, lens),
+            None => self.ray_of_pixel(center, offset, lens),
+            Some(motion) => self.ray_from(&motion.at(time), center, offset, lens),
         }
     }
 
     #[inline(always)]
-    fn ray_from(&self, world_from_camera: &Affine3A, place: Vec2, lens: [f32; 2]) -> CameraRay {
-        let offset = place * self.double_pixel - 1.0;
-        let film = (Vec2::new(offset.x, -offset.y) - self.lens_shift) * self.half_extent;
+    fn ray_from(&self, world_from_camera: &Affine3A, center: Vec2, offset: Vec2, lens: [f32; 2]) -> CameraRay {
+        let (eye, center) = match &self.eyes {
+            None => (0.0, center),
+            Some(eyes) => eyes.of_pixel(center),
+        };
+        let place = center + offset;
+        let shifted = place * self.double_pixel - 1.0;
+        let film = (Vec2::new(shifted.x, -shifted.y) - self.lens_shift) * self.half_extent;
         // Map the film position to a ray in camera space
+        let mut weight = 1.0;
         let (mut origin, mut direction) = match self.kind {
             ProjectionKind::Perspective => (Vec3::ZERO, film.extend(-1.0)),
             ProjectionKind::Parallel => (film.extend(0.0), Vec3::NEG_Z),
-            ProjectionKind::Panorama(panorama) => (Vec3::ZERO, around(panorama, 0.5 * place * self.double_pixel)),
+            ProjectionKind::Lenses | ProjectionKind::Fisheye(_) => {
+                let Some((origin, direction, factor)) = self.bent(film, lens) else {
+                    return self.blocked(world_from_camera);
+                };
+                weight = factor;
+                (origin, direction)
+            }
+            ProjectionKind::Panorama(panorama) => {
+                let half_pixel = 0.5 * self.double_pixel;
+                (Vec3::ZERO, direction_of_panorama(panorama, center * half_pixel, place * half_pixel))
+            }
         };
-        if self.lens_radius > 0.0 {
+        if let Some(eyes) = &self.eyes {
+            match self.kind {
+                ProjectionKind::Perspective | ProjectionKind::Parallel => {
+                    eyes.beside_axis(eye, &mut origin, &mut direction);
+                }
+                ProjectionKind::Fisheye(_) => (origin, direction) = eyes.on_sphere(eye, false, direction),
+                ProjectionKind::Panorama(_) => (origin, direction) = eyes.on_sphere(eye, true, direction),
+                // A whole camera per eye
+                ProjectionKind::Lenses => origin.x += eye,
+            }
+        }
+        if !self.lens.is_point() {
             // All rays of one position meet in the plane of focus
             let focus = origin + direction * self.focus_distance;
-            let shift = self.lens_radius * uniform_disk(lens);
-            origin += shift.extend(0.0);
+            origin += self.lens.sample(lens).extend(0.0);
             direction = focus - origin;
         }
         let (mut start, mut reach) = (0.0, f32::INFINITY);
@@ -189,187 +267,44 @@ impl CameraRays {
             cone: self.cone,
             start,
             reach,
+            weight,
+        }
+    }
+
+    /// Returns origin, direction and factor of a ray through lenses or a fisheye, in camera space. `None`: there is none.
+    fn bent(&self, film: Vec2, lens: [f32; 2]) -> Option<(Vec3, Vec3, f32)> {
+        if let ProjectionKind::Fisheye(fisheye) = &self.kind {
+            return fisheye.direction(film).map(|direction| (Vec3::ZERO, direction, 1.0));
+        }
+        // Lenses turn the picture upside down
+        let ray = self.lenses.as_ref()?.ray(-film, lens)?;
+        Some((ray.origin, ray.direction, ray.weight))
+    }
+
+    /// Returns a ray that meets nothing and counts for nothing.
+    #[cold]
+    fn blocked(&self, world_from_camera: &Affine3A) -> CameraRay {
+        CameraRay {
+            origin: world_from_camera.translation.into(),
+            direction: world_from_camera.transform_vector3(Vec3::NEG_Z).normalize(),
+            cone: self.cone,
+            start: 0.0,
+            reach: 0.0,
+            weight: 0.0,
         }
     }
 }
 
-/// Returns the direction at a position of a panorama, both coordinates from 0 to 1. Filters may ask beyond the edges,
-/// where the sphere continues.
-fn around(panorama: Panorama, place: Vec2) -> Vec3 {
-    match panorama {
-        Panorama::Equirectangular => {
-            let ((sin_theta, cos_theta), (sin_phi, cos_phi)) =
-                (math::sin_cos(PI * place.y), math::sin_cos(2.0 * PI * place.x));
-            Vec3::new(sin_theta * cos_phi, cos_theta, -sin_theta * sin_phi)
-        }
-        Panorama::EqualArea => {
-            let mut place = place;
-            // Beyond an edge, the picture is mirrored along it
-            for (axis, other) in [(0, 1), (1, 0)] {
-                if !(0.0..=1.0).contains(&place[axis]) {
-                    let edge = if place[axis] < 0.0 { 0.0 } else { 2.0 };
-                    place[axis] = edge - place[axis];
-                    place[other] = 1.0 - place[other];
-                }
-            }
-            let square = direction_of_square(place);
-            Vec3::new(square.x, square.z, -square.y)
-        }
-    }
+/// Returns true if devices can generate the rays of a camera.
+pub fn is_camera_for_devices(camera: &Camera) -> bool {
+    let is_known = match camera.projection {
+        Projection::Perspective { .. } | Projection::Orthographic { .. } => true,
+        Projection::Panorama(panorama) => panorama != Panorama::Cube,
+        Projection::Fisheye { .. } => false,
+    };
+    let has_round_lens = camera.lens_radius == 0.0 || camera.aperture == Aperture::default();
+    is_known && has_round_lens && camera.lenses.is_none() && camera.stereo.is_none()
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn camera(projection: Projection, lens_radius: f32) -> Camera {
-        Camera {
-            world_from_camera: Affine3A::from_translation(Vec3::new(1.0, 2.0, 3.0)),
-            projection,
-            lens_radius,
-            focus_distance: 4.0,
-            ..Camera::default()
-        }
-    }
-
-    #[test]
-    fn the_edges_of_a_perspective_picture_are_half_the_angle_away() {
-        let fov = 1.0_f32;
-        let rays = CameraRays::new(&camera(Projection::Perspective { vertical_fov: fov }, 0.0), 40, 20);
-        let middle = rays.ray(Vec2::new(20.0, 10.0), [0.0; 2]);
-        assert!((middle.direction - Vec3::NEG_Z).length() < 1e-6);
-        assert_eq!(middle.origin, Vec3::new(1.0, 2.0, 3.0));
-        let upper = rays.ray(Vec2::new(20.0, 0.0), [0.0; 2]).direction;
-        assert!((upper - Vec3::new(0.0, 0.5_f32.sin(), -0.5_f32.cos())).length() < 1e-6);
-        let right = rays.ray(Vec2::new(40.0, 10.0), [0.0; 2]).direction;
-        assert!((right.x / -right.z - 2.0 * 0.5_f32.tan()).abs() < 1e-5);
-    }
-
-    #[test]
-    fn pictures_of_another_shape_keep_the_extent_that_the_axis_names() {
-        use bottega_scene::FovAxis;
-        // Half extents of a picture twice as high as wide, for a camera made for twice as wide as high
-        let cases = [
-            (FovAxis::X, Vec2::new(2.0, 4.0)),
-            (FovAxis::Y, Vec2::new(0.5, 1.0)),
-            (FovAxis::Diagonal, Vec2::new(1.0, 2.0)),
-            (FovAxis::Smaller, Vec2::new(1.0, 2.0)),
-            (FovAxis::Larger, Vec2::new(1.0, 2.0)),
-        ];
-        for projection in [
-            Projection::Perspective { vertical_fov: std::f32::consts::FRAC_PI_2 },
-            Projection::Orthographic { height: 2.0 },
-        ] {
-            for (fov_axis, expected) in cases {
-                let camera = Camera { aspect: Some(2.0), fov_axis, ..camera(projection, 0.0) };
-                let extent = CameraRays::new(&camera, 10, 20).half_extent;
-                assert!((extent - expected).length() < 1e-5, "{fov_axis:?}: {extent}");
-                assert_eq!(CameraRays::new(&camera, 20, 10).half_extent, CameraRays::new(&camera, 40, 20).half_extent);
-            }
-        }
-    }
-
-    #[test]
-    fn pixels_need_not_be_square() {
-        use bottega_scene::FovAxis;
-        for projection in [
-            Projection::Perspective { vertical_fov: std::f32::consts::FRAC_PI_2 },
-            Projection::Orthographic { height: 2.0 },
-        ] {
-            for fov_axis in [FovAxis::X, FovAxis::Y, FovAxis::Diagonal, FovAxis::Smaller, FovAxis::Larger] {
-                let camera = Camera { aspect: Some(2.0), pixel_aspect: 1.5, fov_axis, ..camera(projection, 0.0) };
-                let extent = CameraRays::new(&camera, 40, 20).half_extent;
-                assert!((extent - Vec2::new(3.0, 1.0)).length() < 1e-5, "{fov_axis:?}: {extent}");
-            }
-        }
-    }
-
-    #[test]
-    fn parallel_rays_are_parallel_and_a_picture_height_apart() {
-        let rays = CameraRays::new(&camera(Projection::Orthographic { height: 6.0 }, 0.0), 10, 10);
-        let upper = rays.ray(Vec2::new(0.0, 0.0), [0.0; 2]);
-        let lower = rays.ray(Vec2::new(10.0, 10.0), [0.0; 2]);
-        assert_eq!(upper.direction, lower.direction);
-        assert!((upper.origin - lower.origin - Vec3::new(-6.0, 6.0, 0.0)).length() < 1e-5);
-    }
-
-    #[test]
-    fn a_panorama_sees_all_around_as_pbrts_does() {
-        let rays = |panorama| CameraRays::new(&camera(Projection::Panorama(panorama), 0.5), 200, 100);
-        let close = |a: Vec3, b: Vec3| assert!((a - b).length() < 1e-5, "{a} {b}");
-        let round = rays(Panorama::Equirectangular);
-        // pbrt's z is the reverse of ours
-        let at = |x, y| round.ray(Vec2::new(x, y), [0.3; 2]);
-        assert_eq!(at(17.0, 33.0).origin, Vec3::new(1.0, 2.0, 3.0));
-        close(at(50.0, 50.0).direction, Vec3::NEG_Z);
-        close(at(0.0, 50.0).direction, Vec3::X);
-        close(at(100.0, 50.0).direction, Vec3::NEG_X);
-        close(at(77.0, 0.0).direction, Vec3::Y);
-        close(at(77.0, 100.0).direction, Vec3::NEG_Y);
-        let square = rays(Panorama::EqualArea);
-        let at = |x, y| square.ray(Vec2::new(x, y), [0.3; 2]).direction;
-        close(at(100.0, 50.0), Vec3::Y);
-        close(at(200.0, 50.0), Vec3::X);
-        close(at(100.0, 100.0), Vec3::NEG_Z);
-        close(at(0.0, 0.0), Vec3::NEG_Y);
-        close(at(200.0, 100.0), Vec3::NEG_Y);
-        // Beyond an edge, the sphere continues
-        for (inside, beyond) in [((0.1, 30.0), (-0.1, 70.0)), ((60.0, 99.9), (140.0, 100.1))] {
-            close(at(inside.0, inside.1), at(beyond.0, beyond.1));
-        }
-        close(
-            round.ray(Vec2::new(30.0, -0.5), [0.0; 2]).direction,
-            round.ray(Vec2::new(130.0, 0.5), [0.0; 2]).direction,
-        );
-    }
-
-    #[test]
-    fn a_panorama_of_equal_areas_has_equal_areas() {
-        let rays = CameraRays::new(&camera(Projection::Panorama(Panorama::EqualArea), 0.0), 64, 64);
-        // Great circles halve the sphere, and second moments are a third
-        let mut moments = glam::Mat3::ZERO;
-        for i in 0..64 * 64 {
-            let d = rays.ray(Vec2::new((i % 64) as f32 + 0.5, (i / 64) as f32 + 0.5), [0.0; 2]).direction;
-            moments += glam::Mat3::from_cols(d * d.x, d * d.y, d * d.z) * (1.0 / 4096.0);
-        }
-        assert!(moments.abs_diff_eq(glam::Mat3::IDENTITY * (1.0 / 3.0), 1e-3), "{moments}");
-    }
-
-    #[test]
-    fn rays_go_from_the_near_plane_to_the_far_one() {
-        let clip = Clip { near: 2.0, far: 7.0 };
-        for (projection, lens_radius) in [
-            (Projection::Perspective { vertical_fov: 1.2 }, 0.0),
-            (Projection::Perspective { vertical_fov: 1.2 }, 0.5),
-            (Projection::Orthographic { height: 3.0 }, 0.0),
-            (Projection::Orthographic { height: 3.0 }, 0.5),
-        ] {
-            let plain = camera(projection, lens_radius);
-            let rays = [plain.clone(), Camera { clip, ..plain }].map(|camera| CameraRays::new(&camera, 8, 6));
-            for (place, lens) in [(Vec2::new(4.0, 3.0), [0.5; 2]), (Vec2::new(0.5, 5.0), [0.9, 0.2])] {
-                let [whole, cut] = [&rays[0], &rays[1]].map(|rays| rays.ray(place, lens));
-                assert_eq!(whole.direction, cut.direction);
-                assert_eq!((whole.start, whole.reach), (0.0, f32::INFINITY));
-                assert!((cut.origin - whole.origin - whole.direction * cut.start).length() < 1e-5);
-                let depth = |distance: f32| 3.0 - (cut.origin + cut.direction * distance).z;
-                assert!((depth(0.0) - 2.0).abs() < 1e-5 && (depth(cut.reach) - 7.0).abs() < 1e-5, "{projection:?}");
-            }
-        }
-        let around = Camera { clip, ..camera(Projection::Panorama(Panorama::EqualArea), 0.0) };
-        let ray = CameraRays::new(&around, 8, 8).ray(Vec2::new(1.0, 6.0), [0.5; 2]);
-        assert_eq!((ray.origin, ray.start, ray.reach), (Vec3::new(1.0, 2.0, 3.0), 0.0, f32::INFINITY));
-    }
-
-    #[test]
-    fn rays_through_a_lens_meet_in_the_plane_in_focus() {
-        let rays = CameraRays::new(&camera(Projection::Perspective { vertical_fov: 0.7 }, 0.3), 8, 8);
-        let meet = |lens| {
-            let ray = rays.ray(Vec2::new(2.0, 7.0), lens);
-            ray.origin + ray.direction * (4.0 / -ray.direction.z)
-        };
-        let (a, b) = (meet([0.1, 0.2]), meet([0.9, 0.6]));
-        assert!((a - b).length() < 1e-5, "{a} {b}");
-        let ray = rays.ray(Vec2::new(2.0, 7.0), [0.9, 0.6]);
-        assert!((ray.origin - Vec3::new(1.0, 2.0, 3.0)).length() <= 0.3);
-    }
-}
+mod tests;

@@ -3,6 +3,7 @@
 use glam::{Affine3A, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
+use crate::lenses::LensSystem;
 use crate::medium::MediumId;
 use crate::motion::TransformKey;
 
@@ -20,21 +21,89 @@ pub enum Projection {
         /// Distance between the upper and the lower edge of a picture of the camera's aspect, in scene units.
         height: f32,
     },
+    /// A circle around the axis, whose radius grows with the angle between direction and axis. The lens has no effect.
+    Fisheye {
+        /// The law by which it grows.
+        mapping: FisheyeMapping,
+        /// Angle between opposite directions on the rim, above 0 and at most 2π, in radians. Beyond the rim the picture
+        /// is black and transparent.
+        field_of_view: f32,
+        /// Height of a picture of the camera's aspect, as a multiple of the circle's diameter; above 0.
+        height: f32,
+    },
     /// The whole sphere of directions, stretched over the picture. Lens, shift, aspects and [`Camera::fov_axis`] have
     /// no effect.
     Panorama(Panorama),
 }
 
-/// The layout of directions on a panoramic picture. Centre and edges are as in pbrt: seen from within, the direction to
-/// the right is on the left edge of the picture, and the direction ahead a quarter of its width from there.
+/// The law of a fisheye: the distance from the centre of its circle, for an angle θ to the axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FisheyeMapping {
+    /// In proportion to θ.
+    Equidistant,
+    /// In proportion to sin(θ ∕ 2): equal areas of the picture cover equal solid angles. With a field of view of 2π it
+    /// is the picture in a mirror ball, seen from far away.
+    Equisolid,
+}
+
+/// The layout of directions on a panoramic picture, in camera space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Panorama {
-    /// Longitude along the rows, from +x over −z; latitude down the columns, from +y.
+    /// Longitude along the rows, with −z at the centre and +x to the right of it; latitude down the columns, from +y.
     Equirectangular,
     /// Equal areas of the picture cover equal solid angles (Clarberg 2008): +y is the centre, the lower hemisphere is
     /// folded into the corners, +x points right and −z down.
     EqualArea,
+    /// Six square pictures side by side, as seen by cameras of 90° towards +x, −x, +y, −y, +z and −z. Their upper edges
+    /// lie towards +y; that of +y lies towards +z, that of −y towards −z.
+    Cube,
+}
+
+/// The maximum number of blades of an aperture.
+pub const BLADES_MAX: u32 = 1000;
+
+/// The shape of a lens's opening, which is that of highlights out of focus. It lies within the circle of the lens's
+/// radius, before it is stretched.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Aperture {
+    /// Number of corners of a regular polygon, 3 or more; 0: a circle.
+    pub blades: u32,
+    /// Rotation of the polygon, counterclockwise as seen by the camera, in radians.
+    pub rotation: f32,
+    /// Height over width, above 0: above 1 for the narrow highlights of anamorphic lenses.
+    pub ratio: f32,
+}
+
+impl Default for Aperture {
+    /// Returns a circle.
+    fn default() -> Self {
+        Self { blades: 0, rotation: 0.0, ratio: 1.0 }
+    }
+}
+
+/// A pair of pictures for two eyes, in one picture. The camera is between the eyes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Stereo {
+    /// The places of the two pictures.
+    pub layout: StereoLayout,
+    /// Distance between the eyes, in scene units.
+    pub eye_distance: f32,
+    /// Distance at which the two pictures agree, in scene units, above 0; infinite: the eyes look in parallel. It is that
+    /// of a plane; of a sphere for panoramas.
+    #[serde(with = "crate::numbers::maybe_infinite")]
+    pub convergence: f32,
+}
+
+/// The places of the two pictures of [`Stereo`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StereoLayout {
+    /// The left eye's picture is the left half.
+    SideBySide,
+    /// The left eye's picture is the upper half.
+    TopBottom,
 }
 
 /// The extent of the picture that a camera's field of view measures. It stays the same in a picture of another aspect.
@@ -96,6 +165,19 @@ pub struct Camera {
     pub medium: Option<MediumId>,
     /// The clip planes.
     pub clip: Clip,
+    /// The shape of the lens's opening.
+    #[serde(default)]
+    pub aperture: Aperture,
+    /// The lenses that replace the thin lens of a perspective camera.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lenses: Option<LensSystem>,
+    /// Two pictures for two eyes in one picture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stereo: Option<Stereo>,
+    /// Share of the shutter's time for which each row is exposed, from 0 to 1; the rows are exposed one after another, from
+    /// the upper edge down. `None`: all rows at the same time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rolling_shutter: Option<f32>,
     /// `true`: the camera does not see emitters. Emissive surfaces let camera rays pass and the environment is black,
     /// but both still light the scene (Mitsuba's `hide_emitters`).
     pub hides_emitters: bool,
@@ -164,6 +246,10 @@ impl Default for Camera {
             lens_shift: Vec2::ZERO,
             medium: None,
             clip: Clip::NONE,
+            aperture: Aperture::default(),
+            lenses: None,
+            stereo: None,
+            rolling_shutter: None,
             hides_emitters: false,
             motion: Vec::new(),
         }

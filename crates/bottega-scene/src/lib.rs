@@ -61,6 +61,7 @@ mod image;
 mod import;
 mod integrator;
 mod keys;
+mod lenses;
 mod light;
 mod load;
 mod material;
@@ -97,7 +98,9 @@ mod visibility;
 mod voxel_file;
 
 pub use blackbody::Blackbody;
-pub use camera::{Camera, Clip, FovAxis, Panorama, Projection};
+pub use camera::{
+    Aperture, BLADES_MAX, Camera, Clip, FisheyeMapping, FovAxis, Panorama, Projection, Stereo, StereoLayout,
+};
 pub use color::Spectrum;
 pub use edit::{
     CornerMesh, CurveStrands, EditError, EditedLight, EditedLightKind, EntryKind, MatrixRows, PlacedObject, PutMode,
@@ -114,6 +117,7 @@ pub use image::pyramid::Encoding;
 pub use image::raw::{LevelTexels, linear_of_srgb_codes};
 pub use image::{Image, linear_of_srgb};
 pub use integrator::{IntegratorHint, PhotonHints, TransportPaths};
+pub use lenses::{LENS_SURFACES_MAX, LensDescription, LensError, LensRay, LensSurface, LensSystem};
 pub use light::{Environment, EnvironmentMapping, Light, LightKind, Portal, SpotFalloff};
 pub use load::{Loaded, load};
 pub use material::{AlphaMode, Back, Material, Relief, ReliefRule, ReliefSource, Sides};

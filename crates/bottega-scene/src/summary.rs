@@ -55,6 +55,7 @@ impl SceneSummary {
         let camera_kind = |projection: &Projection| match projection {
             Projection::Perspective { .. } => "perspective",
             Projection::Orthographic { .. } => "orthographic",
+            Projection::Fisheye { .. } => "fisheye",
             Projection::Panorama(_) => "panoramic",
         };
         let light_kind = |kind: &LightKind| match kind {

@@ -198,9 +198,9 @@ fn spherical_cameras_see_all_around() {
     assert_eq!(seen.projection, Projection::Panorama(Panorama::Equirectangular));
     assert_eq!((seen.lens_radius, seen.lens_shift), (0.0, Vec2::ZERO));
     let place = seen.world_from_camera;
-    // pbrt's camera looks along +z with +x on the right; ours along −z.
-    assert!((place.transform_vector3(Vec3::NEG_Z) - Vec3::Z).length() < 1e-6, "{place}");
-    assert!((place.transform_vector3(Vec3::X) - Vec3::X).length() < 1e-6, "{place}");
+    // pbrt's camera looks along +z with +x on the right, and its picture begins at +x; the middle of ours is ahead.
+    assert!((place.transform_vector3(Vec3::NEG_Z) - Vec3::NEG_X).length() < 1e-6, "{place}");
+    assert!((place.transform_vector3(Vec3::X) - Vec3::NEG_Z).length() < 1e-6, "{place}");
     assert!((place.transform_point3(Vec3::ZERO) - Vec3::new(1.0, 2.0, 3.0)).length() < 1e-5, "{place}");
     let error = camera("\nCamera \"spherical\"\n\"string mapping\" \"mercator\"").unwrap_err().to_string();
     assert!(error.contains("line 3, ") && error.contains("mercator"), "{error}");

@@ -39,7 +39,9 @@ impl BuiltinPainter {
         let wanted =
             PainterWish { threads: job.processors, memory: plan.gpu_memory, joins: plan.urgency == Urgency::Look };
         let has_photons = paths.photons.is_some();
-        let mut devices = DeviceSet::gather(&plan.devices, &wanted, &subject.prepared, &job.layout, has_photons)?;
+        let camera = subject.camera();
+        let mut devices =
+            DeviceSet::gather(&plan.devices, &wanted, &subject.prepared, &camera, &job.layout, has_photons)?;
         if !(devices.boards.is_empty() || wants_waves(&plan, &devices)) {
             devices.notes.push(unused_boards_warning(&devices.boards, devices.threads, &devices.gpus));
             devices.boards.clear();

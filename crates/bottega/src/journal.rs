@@ -8,7 +8,7 @@ use std::{
 
 use bottega_farm::{Journal, JournalContents, JournalWriter, ZoneStore};
 
-use crate::{error::Error, identity::identity, loaded_scene::LoadedScene, plan::Plan, request::Request};
+use crate::{error::Error, identity::identity, loaded_scene::LoadedScene, plan::Plan, request::{Request, ViewOptions}};
 
 /// The journal of a picture, opened for writing, with the zones it already holds.
 pub struct PictureJournal {
@@ -95,7 +95,7 @@ pub fn name_of(request: &Request, subject: &LoadedScene, plan: &Plan) -> String 
         format!("scene={}", subject.scene().digest),
         format!("camera={}", subject.camera),
         format!("pose={:?}", request.view.pose),
-        format!("lens={:?}/{:?}", request.view.lens_radius, request.view.focus_distance),
+        format!("view={:?}", ViewOptions { camera: None, pose: None, ..request.view.clone() }),
         format!("size={}x{}", settings.width, settings.height),
         format!("crop={}", settings.crop),
         format!("spp={}", settings.samples),

@@ -1,6 +1,7 @@
 //! A loaded scene with the camera and the picture size of a request.
 
 mod edited;
+mod projection;
 
 use std::{sync::Arc, time::Instant};
 
@@ -8,10 +9,11 @@ use bottega_image::Rect;
 use bottega_render::{PrepareOptions, PreparedScene, Prepass, View, build_accel};
 use bottega_scene::{
     Camera, Environment, LoadOptions, Loaded, Panorama, Projection, RenderHints, Scene, SceneFile, Shutter, Spectrum,
-    Warning,
+    StereoLayout, Warning,
 };
 use glam::{DVec3, Mat3};
 
+use self::projection::put_lens;
 use crate::{
     devices::threads,
     error::Error,
@@ -182,8 +184,7 @@ fn turn_environment(scene: &mut Scene, request: &Request) {
 fn aimed(cameras: &[Camera], origin: DVec3, view: &ViewOptions) -> Result<(usize, Camera), Error> {
     let number = check_view(view, cameras.iter().map(|camera| (&*camera.name, has_angle(camera))))?;
     let mut camera = cameras[number].clone();
-    camera.lens_radius = view.lens_radius.unwrap_or(camera.lens_radius);
-    camera.focus_distance = view.focus_distance.unwrap_or(camera.focus_distance);
+    put_lens(view, &mut camera);
     let Some(pose) = view.pose else { return Ok((number, camera)) };
     camera.world_from_camera = pose.looking(origin.to_array()).ok_or_else(|| {
         let problem = "`view.pose` has no direction: at the scale of the scene, `eye` and `target` are the same point";
@@ -256,9 +257,15 @@ fn default_size(camera: &Camera) -> [u32; 2] {
     let aspect =
         camera.aspect.filter(|aspect| aspect.is_finite() && *aspect > 0.0).unwrap_or(match camera.projection {
             Projection::Perspective { .. } => 16.0 / 9.0,
-            Projection::Orthographic { .. } | Projection::Panorama(Panorama::EqualArea) => 1.0,
+            Projection::Orthographic { .. } | Projection::Fisheye { .. } | Projection::Panorama(Panorama::EqualArea) => 1.0,
             Projection::Panorama(Panorama::Equirectangular) => 2.0,
+            Projection::Panorama(Panorama::Cube) => 6.0,
         });
+    let aspect = match camera.stereo.map(|stereo| stereo.layout) {
+        None => aspect,
+        Some(StereoLayout::SideBySide) => 2.0 * aspect,
+        Some(StereoLayout::TopBottom) => 0.5 * aspect,
+    };
     let width = (DEFAULT_HEIGHT as f32 * aspect.clamp(0.05, 20.0)).round() as u32;
     [width.max(1), DEFAULT_HEIGHT]
 }

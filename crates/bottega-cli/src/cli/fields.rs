@@ -60,6 +60,7 @@ pub(super) const FIELD_OPTIONS: &[FieldOption] = &[
     row("view.camera", "--camera", OptionForm::Plain),
     row("view.lens_radius", "--lens-radius", OptionForm::Plain),
     row("view.focus_distance", "--focus-distance", OptionForm::Plain),
+    row("view.projection", "--projection", OptionForm::Plain),
     row("film.size", "--size", OptionForm::Size),
     row("film.crop", "--crop", OptionForm::List),
     row("film.filter", "--filter", OptionForm::Plain),

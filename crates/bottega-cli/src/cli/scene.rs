@@ -4,11 +4,12 @@ use std::path::PathBuf;
 
 use bottega::{
     Error,
-    request::{EnvironmentLight, EnvironmentOptions, Request, SceneOptions, ShutterTimes},
+    request::{EnvironmentLight, EnvironmentOptions, ProjectionChoice, Request, SceneOptions, ShutterTimes},
 };
 use clap::{Args, ValueHint};
 
 use super::{
+    choice::choice,
     fields::help,
     values::{Size, parse_define, parse_environment, parse_shutter, parse_size},
 };
@@ -68,6 +69,8 @@ pub(crate) struct SceneArgs {
     lens_radius: Option<f32>,
     #[arg(long, value_name = "DISTANCE", help_heading = "Picture", help = help("view.focus_distance"))]
     focus_distance: Option<f32>,
+    #[arg(long, value_name = "WORD", value_parser = choice::<ProjectionChoice>(), help_heading = "Picture", help = help("view.projection"))]
+    projection: Option<ProjectionChoice>,
     /// The environment light: an .hdr, .exr or .png picture of the whole sphere, one radiance as R,G,B, or `sky`, the neutral
     /// one that scenes without light get by default.
     #[arg(long, value_name = "FILE|R,G,B|sky", value_parser = parse_environment, help_heading = "Light")]
@@ -96,6 +99,7 @@ impl SceneArgs {
         set(&mut view.camera, self.camera.clone());
         set(&mut view.lens_radius, self.lens_radius);
         set(&mut view.focus_distance, self.focus_distance);
+        set(&mut view.projection, self.projection);
         let EnvironmentOptions { light, rotate, strength } = &mut request.environment;
         set(light, self.env.clone());
         change(rotate, self.env_rotate);

@@ -142,7 +142,7 @@ mod tests {
     use bottega::request::{
         AdaptationChoice, AuctionChoice, BalanceChoice, BandChoice, CameraPose, ColorSpace, Compression,
         EnvironmentLight, FrameOptions, GuideChoice, GuideUse, ImportanceChoice, IntegratorChoice, OptimizationChoice,
-        OracleChoice, OracleQuestion, PixelFilter, PngEncoding, RulesSource, RulesText, ShutterTimes, ToneCurve,
+        OracleChoice, OracleQuestion, PixelFilter, PngEncoding, ProjectionChoice, RulesSource, RulesText, ShutterTimes, ToneCurve,
         WordChoice,
     };
     use bottega_farm::Channel;
@@ -172,7 +172,7 @@ mod tests {
         fn picture()(
             size in option::of([1u32..4096, 1u32..4096]), filter in option::of(choice::<PixelFilter>()),
             layers in option::of(proptest::collection::vec("[a-z]{1,5}", 0..3)), camera in option::of(word()),
-            lens in option::of((0.0f32..9.0, 1e-3f32..1e6)), strength in 0.0f32..1e4, rotate in -720.0f32..720.0,
+            lens in option::of((0.0f32..9.0, 1e-3f32..1e6)), projection in option::of(choice::<ProjectionChoice>()), strength in 0.0f32..1e4, rotate in -720.0f32..720.0,
             light in option::of(prop_oneof![
                 "[a-z]{1,8}\\.hdr".prop_map(|file| EnvironmentLight::File(file.into())),
                 [0.0f32..1e6, 0.0f32..1e6, 0.0f32..1e6].prop_map(EnvironmentLight::Radiance), Just(EnvironmentLight::Sky),
@@ -184,7 +184,7 @@ mod tests {
             let mut request = Request::new("a scene.glb");
             request.output.file = Some("picture.exr".into());
             (request.film.size, request.film.filter, request.film.layers) = (size, filter, layers);
-            request.view.camera = camera;
+            (request.view.camera, request.view.projection) = (camera, projection);
             if let Some((radius, distance)) = lens {
                 (request.view.lens_radius, request.view.focus_distance) = (Some(radius), Some(distance));
             }

@@ -1,7 +1,7 @@
 //! Limits of path tracing on a device.
 
 use bottega_image::Aov;
-use bottega_render::{BlockWork, flat::LAYERS};
+use bottega_render::{BlockWork, camera::is_camera_for_devices, flat::LAYERS};
 
 use super::batch::{PATHS_MAX, path_count};
 
@@ -21,6 +21,10 @@ pub(super) fn refusal(block: &BlockWork) -> Option<String> {
     }
     if let Some(layer) = block.tile.layout().layers().first() {
         return Some(format!("devices do not support the layer `{}`", layer.name));
+    }
+    let camera = block.scene.camera(block.view.camera);
+    if camera.is_some_and(|camera| !is_camera_for_devices(&camera)) {
+        return Some("devices do not support this camera".to_owned());
     }
     if block.settings.photons.is_some() {
         return Some("devices do not support photon mapping".to_owned());

@@ -54,8 +54,8 @@ fn camera_ray(camera: u32, place: vec2<f32>, lens: vec2<f32>) -> CameraRay {
 fn around(is_equal_area: bool, place: vec2<f32>) -> vec3<f32> {
     if !is_equal_area {
         let theta = sin_cos(PI * place.y);
-        let phi = sin_cos(2.0 * PI * place.x);
-        return vec3(theta.x * phi.y, theta.y, -theta.x * phi.x);
+        let phi = sin_cos(2.0 * PI * (place.x - 0.5));
+        return vec3(theta.x * phi.x, theta.y, -theta.x * phi.y);
     }
     var at = place;
     if at.x < 0.0 || at.x > 1.0 {

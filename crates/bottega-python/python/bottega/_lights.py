@@ -13,15 +13,18 @@ from ._values import (
     ChoiceKind,
     Color,
     ColorKind,
+    CountKind,
     DirectionKind,
     KeyKind,
     Kind,
     MatrixKind,
+    MaybeChoiceKind,
     MaybeRealKind,
     Names,
     Texture,
     TextureKind,
     Value,
+    ValueKind,
     VectorKind,
     Visibility,
     VisibilityKind,
@@ -299,15 +302,50 @@ class FarKind(Kind):
         return math.inf if value == math.inf else float(reals([value], name, 1, 0.0)[0])
 
 
+class SurfacesKind(Kind):
+    """The surfaces of lenses: rows of radius, thickness, refractive index and radius of the opening."""
+
+    def check(self, value: Any, name: str) -> Any:
+        return rows(value, name, len(value), 4)
+
+    def plain(self, value: Any, names: Names) -> Any:
+        return [dict(zip(("radius", "thickness", "eta", "aperture_radius"), row)) for row in value]
+
+    def value(self, plain: Any, names: Names) -> Any:
+        return tuple((it["radius"], it["thickness"], it["eta"], it["aperture_radius"]) for it in plain)
+
+
+@dataclass
+class Lenses(Value):
+    """A system of lenses in front of a film, as in pbrt's camera `realistic`. All lengths are in scene units.
+
+    - `surfaces`: a row per surface, from the scene to the film: radius of curvature (above 0 if the centre lies towards the film; 0: a
+      stop), distance to the next surface or to the film, refractive index behind it (1: air), radius of its opening.
+    - `film_diagonal`: of the film, which has the shape of the picture.
+    - `focus_distance`: from the film to the plane in focus; `None`: the film stays where the last distance puts it.
+    """
+
+    surfaces: Sequence[Sequence[float]] = of(SurfacesKind(), ...)
+    film_diagonal: float = plain_real(0.035)
+    focus_distance: float | None = of(MaybeRealKind(), None)
+
+
 @dataclass
 class Camera(Value):
     """A camera at the origin of `transform`, (4, 4), from camera space to world space, without scale; it looks along -z, +y is up.
 
     - `projection`: `perspective` with `fov` (full angle along `fov_axis`'s vertical measure, in degrees), `orthographic` with
-      `height` (in scene units), or a panorama: `equirectangular`, `equal_area`.
+      `height` (in scene units), `fisheye` or `equisolid_fisheye` with `fisheye_fov` (full angle of its circle, in degrees) and
+      `circle_height` (height of the picture in diameters of the circle), or a panorama: `equirectangular` (-z in the middle, +x to the
+      right of it), `equal_area`, `cube` (six squares: +x -x +y -y +z -z).
     - `aspect`: width over height of the picture that `fov` and `height` belong to; `None`: they are vertical.
       `fov_axis`: the extent that stays in a picture of another aspect: `x`, `y`, `diagonal`, `smaller`, `larger`.
     - `lens_radius`: in scene units; 0: everything is sharp. `focus_distance`: of the sharp plane.
+    - `blades`: corners of the lens's opening; 0: it is round. `blade_rotation`: counterclockwise, in degrees. `aperture_ratio`: its
+      height over its width.
+    - `lenses`: replace the lens of a perspective camera; `fov` then has no effect on the picture.
+    - `stereo`: two pictures in one, `side_by_side` or `top_bottom`, with `eye_distance`; they agree at `convergence`.
+    - `rolling_shutter`: share of the shutter's time for which a row is exposed, row by row from the upper edge; `None`: all at once.
     - `shift`: of the optical axis, right and up, in halves of the picture's width and height.
     - `near`, `far`: distances of the clip planes along the axis.
     - `medium`: key of the medium around it. `hides_emitters`: it does not see emitters.
@@ -315,9 +353,9 @@ class Camera(Value):
 
     transform: Matrix = of(MatrixKind(), IDENTITY4)
     fov: float = plain_real(40.0, 0.001, 179.999)
-    projection: Literal["perspective", "orthographic", "equirectangular", "equal_area"] = choice(
-        "perspective", "orthographic", "equirectangular", "equal_area"
-    )
+    projection: Literal[
+        "perspective", "orthographic", "equirectangular", "equal_area", "cube", "fisheye", "equisolid_fisheye"
+    ] = choice("perspective", "orthographic", "equirectangular", "equal_area", "cube", "fisheye", "equisolid_fisheye")
     height: float = plain_real(2.0)
     aspect: float | None = of(MaybeRealKind(), None)
     pixel_aspect: float = plain_real(1.0)
@@ -331,6 +369,16 @@ class Camera(Value):
     far: float = of(FarKind(), math.inf)
     medium: str | None = of(KeyKind("medium"), None)
     hides_emitters: bool = flag(False)
+    fisheye_fov: float = plain_real(180.0, 0.001, 360.0)
+    circle_height: float = plain_real(1.0)
+    blades: int = of(CountKind(1000), 0)
+    blade_rotation: float = plain_real(0.0, -1e6, 1e6)
+    aperture_ratio: float = plain_real(1.0, 1e-6, 1e6)
+    lenses: Lenses | None = of(ValueKind(Lenses), None)
+    stereo: Literal["side_by_side", "top_bottom"] | None = of(MaybeChoiceKind("side_by_side", "top_bottom"), None)
+    eye_distance: float = plain_real(0.064)
+    convergence: float = of(FarKind(), math.inf)
+    rolling_shutter: float | None = of(MaybeRealKind(), None)
 
     @classmethod
     def looking(
@@ -348,35 +396,67 @@ class Camera(Value):
     def plain_fields(self, names: Names) -> dict[str, Any]:
         plain = super().plain_fields(names)
         fov, height, kind = plain.pop("fov"), plain.pop("height"), plain.pop("projection")
+        fisheye_fov, circle_height = plain.pop("fisheye_fov"), plain.pop("circle_height")
         projection: dict[str, Any] = {"panorama": kind}
         if kind == "perspective":
             projection = {kind: {"vertical_fov": math.radians(fov)}}
         elif kind == "orthographic":
             projection = {kind: {"height": height}}
-        far = plain.pop("far")
+        elif kind in _FISHEYES:
+            fov = math.radians(fisheye_fov)
+            projection = {"fisheye": {"mapping": _FISHEYES[kind], "field_of_view": fov, "height": circle_height}}
+        far, layout = plain.pop("far"), plain.pop("stereo")
+        eye_distance, convergence = plain.pop("eye_distance"), plain.pop("convergence")
+        stereo = {
+            "layout": layout,
+            "eye_distance": eye_distance,
+            "convergence": None if convergence == math.inf else convergence,
+        }
         return {
             "name": "",
             "world_from_camera": plain.pop("transform"),
             "projection": projection,
             "lens_shift": plain.pop("shift"),
             "clip": {"near": plain.pop("near"), "far": None if far == math.inf else far},
+            "aperture": {
+                "blades": plain.pop("blades"),
+                "rotation": math.radians(plain.pop("blade_rotation")),
+                "ratio": plain.pop("aperture_ratio"),
+            },
+            "stereo": None if layout is None else stereo,
             **plain,
         }
 
     @classmethod
     def of_plain(cls, plain: dict[str, Any], names: Names) -> Camera:
         ((kind, members),) = plain["projection"].items()
-        far = plain["clip"]["far"]
+        far, aperture, stereo = plain["clip"]["far"], plain["aperture"], plain.get("stereo")
+        fisheye = members if kind == "fisheye" else {"field_of_view": math.pi, "height": 1.0}
+        names_of_fisheyes = {mapping: name for name, mapping in _FISHEYES.items()}
         more = {
             "transform": plain["world_from_camera"],
-            "projection": members if kind == "panorama" else kind,
+            "projection": {"panorama": members, "fisheye": names_of_fisheyes.get(fisheye.get("mapping"))}.get(kind, kind),
             "fov": math.degrees(members["vertical_fov"]) if kind == "perspective" else 40.0,
             "height": members["height"] if kind == "orthographic" else 2.0,
             "shift": plain["lens_shift"],
             "near": plain["clip"]["near"],
             "far": math.inf if far is None else far,
+            "fisheye_fov": min(math.degrees(fisheye["field_of_view"]), 360.0),
+            "circle_height": fisheye["height"],
+            "blades": aperture["blades"],
+            "blade_rotation": math.degrees(aperture["rotation"]),
+            "aperture_ratio": aperture["ratio"],
+            "lenses": plain.get("lenses"),
+            "stereo": stereo and stereo["layout"],
+            "eye_distance": stereo["eye_distance"] if stereo else 0.064,
+            "convergence": math.inf if not stereo or stereo["convergence"] is None else stereo["convergence"],
+            "rolling_shutter": plain.get("rolling_shutter"),
         }
         return super().of_plain({**plain, **more}, names)
+
+
+# The laws of fisheyes, by the names of their projections.
+_FISHEYES = {"fisheye": "equidistant", "equisolid_fisheye": "equisolid"}
 
 
 def _cross(a: Sequence[float], b: Sequence[float]) -> tuple[float, ...]:

@@ -190,6 +190,13 @@ class ChoiceKind(Kind):
         return str(value)
 
 
+class MaybeChoiceKind(ChoiceKind):
+    """One of several words, or `None`."""
+
+    def check(self, value: Any, name: str) -> Any:
+        return None if value is None else super().check(value, name)
+
+
 @dataclass
 class VectorKind(Kind):
     """Several numbers within limits."""

@@ -63,24 +63,24 @@ impl PathIntegrator<'_> {
     /// - `groups`: receives its light by groups of lights, if it is wanted.
     pub(super) fn trace_volume(&self, x: u32, y: u32, sample_index: u32, groups: Option<GroupSums<'_>>) -> PathRecord {
         let sampler = PixelSampler::new(self.settings().seed, x, y, sample_index);
-        let time = self.time_of(&sampler);
+        let time = self.time_of(&sampler, y);
         let (ray, factor) = self.camera_ray_at(&sampler, x, y, time);
         let mut path = MediumPath { groups, ..begin(self, sampler, &ray, time) };
         while path.advance() {}
         path.finish(factor)
     }
 
-    /// Returns the time of a path; 0 if nothing moves.
-    fn time_of(&self, sampler: &PixelSampler) -> f32 {
+    /// Returns the time of a path of a row; 0 if nothing moves.
+    fn time_of(&self, sampler: &PixelSampler, y: u32) -> f32 {
         let motion = self.prepared().motion();
-        if motion.moves() { motion.time(sampler.quad(DimensionSet::TIME)[0]) } else { 0.0 }
+        if motion.moves() { self.time_of_row(motion.time(sampler.quad(DimensionSet::TIME)[0]), y) } else { 0.0 }
     }
 
     /// Returns the first surface, or the first scattering in a medium, of a sample that [`Self::trace_volume`] traces: it
     /// follows the same path that far.
     pub(super) fn surface_in_volume(&self, x: u32, y: u32, sample_index: u32, wanted: WantedSurface) -> SurfaceValues {
         let sampler = PixelSampler::new(self.settings().seed, x, y, sample_index);
-        let time = self.time_of(&sampler);
+        let time = self.time_of(&sampler, y);
         let (ray, weight) = self.camera_ray_at(&sampler, x, y, time);
         let mut path = begin(self, sampler, &ray, time);
         path.wants_surface = Some(wanted);

@@ -78,7 +78,7 @@ pub(super) fn read_sensor(
     let is_sound = match camera.projection {
         Projection::Perspective { vertical_fov } => vertical_fov > 0.0,
         Projection::Orthographic { height } => height.is_finite() && height > 0.0,
-        Projection::Panorama(_) => true,
+        Projection::Fisheye { .. } | Projection::Panorama(_) => true,
     };
     if !is_sound {
         return Err(object.at.fault("the sensor sees nothing").into());

@@ -47,7 +47,7 @@ impl PbrtWorld {
         let film_aspect = f64::from(width) / f64::from(height);
         let aspect = params.float("frameaspectratio")?.unwrap_or(film_aspect);
         if !(aspect > 1e-6 && aspect < 1e6) {
-            return Err(params.place_of("frameaspectratio").fault("the aspect ratio is out of reach").into());
+            return Err(params.place_of("frameaspectratio").fault("the aspect ratio is not between 1e-6 and 1e6").into());
         }
         let mut window =
             if aspect > 1.0 { [-aspect, aspect, -1.0, 1.0] } else { [-1.0, 1.0, -1.0 / aspect, 1.0 / aspect] };
@@ -77,6 +77,7 @@ impl PbrtWorld {
             square if (square - 1.0).abs() < 1e-5 => 1.0,
             stretched => stretched,
         };
+        let mut lenses = None;
         let projection = match entity.kind.as_str() {
             "orthographic" => Projection::Orthographic { height: (2.0 * half.y) as f32 },
             "spherical" => Projection::Panorama(match params.text("mapping")?.unwrap_or("equalarea") {
@@ -88,11 +89,18 @@ impl PbrtWorld {
                     return Err(params.place_of("mapping").fault(problem).into());
                 }
             }),
+            "realistic" => {
+                let system = self.lenses(context, params, at, scale.z)?;
+                let diagonal = f64::from(system.description().film_diagonal);
+                let half_film = 0.5 * diagonal / (film_aspect * film_aspect + 1.0).sqrt();
+                let vertical_fov = (2.0 * (half_film / f64::from(system.image_distance())).atan()) as f32;
+                lenses = Some(system);
+                Projection::Perspective { vertical_fov }
+            }
             kind => {
                 if kind != "perspective" {
                     let message = format!("the camera \"{}\" is replaced by a perspective one", shortened(kind));
                     context.unsupported(at, message);
-                    params.mark_reported(&["lensfile", "aperturediameter", "focusdistance", "aperture"]);
                 }
                 let degrees = params.float("fov")?.unwrap_or(90.0);
                 if !(degrees > 0.0 && degrees < 180.0) {
@@ -108,11 +116,15 @@ impl PbrtWorld {
             return Err(at.fault("the lens has a negative radius, or its focus is behind it").into());
         }
         if lens_radius > 1e18 || !world_from_camera.translation.as_vec3().is_finite() {
-            return Err(at.fault("the camera is out of reach, or its lens too large").into());
+            return Err(at.fault("the position of the camera is not finite, or its lens too large").into());
         }
         context.report_unused(Directive::Camera, &entity.kind, params);
         // pbrt's camera looks along +z, ours along −z.
-        let turned = DMat3::from_diagonal(DVec3::new(flip.x, flip.y, -1.0));
+        let mut turned = DMat3::from_diagonal(DVec3::new(flip.x, flip.y, -1.0));
+        if projection == Projection::Panorama(Panorama::Equirectangular) {
+            // pbrt's picture begins at its +x and continues over −z; ours begins at +z and continues over −x
+            turned *= DMat3::from_cols(DVec3::Z, DVec3::Y, DVec3::X);
+        }
         let upright = |world_from_camera: &DAffine3| Affine3A {
             matrix3: Mat3A::from((axes_and_scale(world_from_camera).0 * turned).as_mat3()),
             translation: Vec3A::from(world_from_camera.translation.as_vec3()),
@@ -124,7 +136,7 @@ impl PbrtWorld {
         let is_sound = match projection {
             Projection::Perspective { vertical_fov } => vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI,
             Projection::Orthographic { height } => height > 0.0 && height.is_finite(),
-            Projection::Panorama(_) => true,
+            Projection::Fisheye { .. } | Projection::Panorama(_) => true,
         };
         let lens_radius = if sees_all_around { 0.0 } else { lens_radius };
         let lens_shift = Vec2::new((-center.x * flip.x / half.x) as f32, (-center.y * flip.y / half.y) as f32);
@@ -140,11 +152,12 @@ impl PbrtWorld {
             fov_axis,
             lens_radius: lens_radius as f32,
             focus_distance: focus_distance.clamp(1e-30, 1e30) as f32,
-            lens_shift: if sees_all_around { Vec2::ZERO } else { lens_shift },
+            lens_shift: if sees_all_around || lenses.is_some() { Vec2::ZERO } else { lens_shift },
             medium,
             clip: Clip::NONE,
-            hides_emitters: false,
+            lenses,
             motion,
+            ..Camera::default()
         })
     }
 }

@@ -4,8 +4,8 @@
 //!
 //! Supported: all directives; triangle, bilinear and subdivision meshes, `plymesh` (also compressed), spheres, disks,
 //! cylinders and curves; all materials but `measured`; image, constant,
-//! scale, mix, checkerboard and bilerp textures; all lights, also through portals; homogeneous media; perspective and
-//! orthographic cameras. Anything else is reported with file, line and column, and replaced or left out, or an error
+//! scale, mix, checkerboard and bilerp textures; all lights, also through portals; homogeneous media; all cameras,
+//! `realistic` with a round stop. Anything else is reported with file, line and column, and replaced or left out, or an error
 //! with [`LoadOptions::strict`](crate::LoadOptions::strict).
 //!
 //! Flat and cylindrical curves face each ray ([`FacingCurves`](crate::FacingCurves)), as in pbrt.
@@ -23,6 +23,7 @@ mod dialect;
 mod environment;
 mod film;
 mod grid;
+mod lenses;
 mod light;
 mod mapping;
 mod material;

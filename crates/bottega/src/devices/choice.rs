@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use bottega_engines::Resources;
 use bottega_image::{Aov, Layout};
-use bottega_render::{PreparedScene, flat::LAYERS};
+use bottega_render::{PreparedScene, camera::is_camera_for_devices, flat::LAYERS};
+use bottega_scene::Camera;
 
 use super::{
     board,
@@ -48,6 +49,7 @@ pub struct DeviceSet {
 impl DeviceSet {
     /// Opens the devices that support this scene and these layers.
     ///
+    /// - `camera`: that of the picture.
     /// - `photons`: true if the integrator uses photons.
     ///
     /// # Errors
@@ -56,11 +58,12 @@ impl DeviceSet {
         choice: &DeviceChoice,
         &PainterWish { threads, memory, joins }: &PainterWish,
         scene: &Arc<PreparedScene>,
+        camera: &Camera,
         layout: &Layout,
         photons: bool,
     ) -> Result<Self, Error> {
         // Choose the devices that support the picture
-        let lacks = lacks(layout, photons);
+        let lacks = lacks(camera, layout, photons);
         let mut wanted = WantedDevices { threads, gpus: Vec::new(), boards: Vec::new(), notes: Vec::new() };
         match choice {
             DeviceChoice::Auto => {
@@ -153,13 +156,14 @@ pub fn beside_gpus(processors: usize, gpus: usize) -> usize {
 }
 
 /// Returns the requested features that no GPU supports.
-fn lacks(layout: &Layout, photons: bool) -> Vec<String> {
+fn lacks(camera: &Camera, layout: &Layout, photons: bool) -> Vec<String> {
+    let camera = (!is_camera_for_devices(camera)).then(|| "the projection or the lens of the camera".to_owned());
     let cost = layout.offset(Aov::Cost).map(|_| "the cost of pixels (layer `cost`)".to_owned());
     let is_lacking = |aov: &Aov| *aov != Aov::Cost && !LAYERS.contains(aov);
     let others = layout.aovs().iter().filter(is_lacking).map(|aov| format!("layer `{}`", aov.name()));
     let groups = layout.layers().iter().map(|layer| format!("layer `{}`", layer.name));
     let photons = photons.then(|| "photon mapping".to_owned());
-    cost.into_iter().chain(others).chain(groups).chain(photons).collect()
+    camera.into_iter().chain(cost).chain(others).chain(groups).chain(photons).collect()
 }
 
 /// Returns the devices, without the processors, that a choice selects on this machine: names of GPUs, addresses of boards.

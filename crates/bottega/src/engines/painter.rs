@@ -270,6 +270,11 @@ fn check(request: &Request) -> Result<(), Error> {
         ("--camera", request.view.camera.is_some()),
         ("view.pose", request.view.pose.is_some()),
         ("--lens-radius", request.view.lens_radius.is_some()),
+        ("view.blades", request.view.blades.is_some()),
+        ("view.aperture_ratio", request.view.aperture_ratio.is_some()),
+        ("--projection", request.view.projection.is_some()),
+        ("view.stereo", request.view.stereo.is_some()),
+        ("view.rolling_shutter", request.view.rolling_shutter.is_some()),
         ("--env", request.environment.light.is_some()),
         ("--env-strength", request.environment.strength != 1.0),
         ("--filter", request.film.filter.is_some()),
@@ -341,7 +346,7 @@ fn own_view(request: &Request, title: &str) -> Result<CameraView, Error> {
         Projection::Perspective { vertical_fov } => {
             Ok(CameraView { world_from_camera: Mat4::from(camera.world_from_camera).to_cols_array(), vertical_fov })
         }
-        Projection::Orthographic { .. } | Projection::Panorama(_) => {
+        Projection::Orthographic { .. } | Projection::Fisheye { .. } | Projection::Panorama(_) => {
             Err(lacking("its projection is not perspective".to_owned()))
         }
     }

@@ -60,6 +60,28 @@ choices! {
         Ala,
     }
 
+    /// The projection of a camera.
+    ProjectionChoice {
+        /// The whole sphere: longitude along the rows, latitude down the columns; the view ahead is in the middle.
+        Equirectangular,
+        /// The whole sphere in a square, in which equal areas cover equal solid angles; the view up is in the middle.
+        EqualArea,
+        /// Six square pictures side by side: towards +x, -x, +y, -y, +z and -z of the camera.
+        Cube,
+        /// A circle in which distance from the middle is in proportion to the angle; see `view.fisheye_fov`.
+        Fisheye,
+        /// A circle in which equal areas cover equal solid angles; see `view.fisheye_fov`.
+        EquisolidFisheye,
+    }
+
+    /// The places of the pictures for two eyes.
+    StereoChoice {
+        /// The left eye's picture is the left half.
+        SideBySide,
+        /// The left eye's picture is the upper half.
+        TopBottom,
+    }
+
     /// The rules by which lighting agents answer.
     OracleChoice {
         /// By the expected error: agents sample more where it is large, and answer where it is small.

@@ -20,7 +20,7 @@ pub use self::{
     choices::{
         AdaptationChoice, AuctionChoice, BUILTIN, BalanceChoice, ColorSpace, Compression, GuideChoice, GuideUse,
         ImportanceChoice, IntegratorChoice, OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding,
-        ToneCurve, WordChoice,
+        ProjectionChoice, StereoChoice, ToneCurve, WordChoice,
     },
     device_choice::{AUTO, DeviceChoice, DeviceNamesError},
     field::InvalidField,

@@ -11,7 +11,7 @@ use super::{
     choices::{
         AdaptationChoice, AuctionChoice, BUILTIN, BalanceChoice, ColorSpace, Compression, GuideChoice, GuideUse,
         ImportanceChoice, IntegratorChoice, OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding,
-        ToneCurve,
+        ProjectionChoice, StereoChoice, ToneCurve,
     },
     device_choice::AUTO,
     limits::PRIORITY,
@@ -218,6 +218,26 @@ sections! {
         lens_radius: Option<f32> = None,
         /// Focus distance, in scene units.
         focus_distance: Option<f32> = None,
+        /// Number of blades of the aperture, which highlights out of focus show as corners; 0: it is round. None: that of the
+        /// file.
+        blades: Option<u32> = None,
+        /// Rotation of the aperture's blades, counterclockwise, in degrees.
+        blade_rotation: f32 = 0.0,
+        /// Height over width of the aperture; 2 for the narrow highlights of anamorphic lenses. None: that of the file.
+        aperture_ratio: Option<f32> = None,
+        /// The projection; none: that of the file.
+        projection: Option<ProjectionChoice> = None,
+        /// Full angle of the circle of a fisheye, in degrees, up to 360.
+        fisheye_fov: f32 = 180.0,
+        /// Pictures for two eyes in one picture, each of half its size; none: one eye.
+        stereo: Option<StereoChoice> = None,
+        /// Distance between the two eyes, in scene units.
+        eye_distance: f32 = 0.064,
+        /// Distance at which the pictures of the two eyes agree, in scene units; none: the eyes look in parallel.
+        convergence: Option<f32> = None,
+        /// Share of the shutter's time for which each row is exposed; the rows are exposed one after another, from the upper
+        /// edge down. None: all rows at the same time.
+        rolling_shutter: Option<f32> = None,
     }
 
     /// Size, crop, pixel filter and layers of the picture.

@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use bottega_farm::VERIFY_MAX;
 use bottega_image::{ImageError, OutputFormat};
-use bottega_scene::{COORDINATE_MAX, Camera, Shutter};
+use bottega_scene::{BLADES_MAX, COORDINATE_MAX, Camera, Shutter};
 use glam::{Affine3A, DVec3};
 use thiserror::Error as ThisError;
 
@@ -204,12 +204,43 @@ impl ViewOptions {
         self.lens_radius.map_or(Ok(()), |radius| not_negative("view.lens_radius", radius))?;
         self.focus_distance.map_or(Ok(()), |distance| positive("view.focus_distance", distance))?;
         self.pose.map_or(Ok(()), |pose| pose.validate())?;
+        self.validate_lens()?;
+        if let (Some(fov), Some(_)) = (self.pose.and_then(|pose| pose.fov), self.projection) {
+            let allowed = "`view.projection` has no such angle; set `view.fisheye_fov` for a fisheye";
+            return Err(InvalidField::new("view.pose.fov", fov, allowed));
+        }
         match (self.lens_radius, self.focus_distance) {
             (Some(radius), None) => Err(InvalidField::new(
                 "view.lens_radius",
                 radius,
                 "it needs `view.focus_distance`, the distance in focus",
             )),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl ViewOptions {
+    fn validate_lens(&self) -> Checked {
+        match self.blades {
+            Some(blades) if blades != 0 && !(3..=BLADES_MAX).contains(&blades) => {
+                let allowed = format!("0 or a number from 3 to {BLADES_MAX} is needed");
+                return Err(InvalidField::new("view.blades", blades, allowed));
+            }
+            _ => {}
+        }
+        finite("view.blade_rotation", self.blade_rotation, "degrees")?;
+        self.aperture_ratio.map_or(Ok(()), |ratio| positive("view.aperture_ratio", ratio))?;
+        if !(self.fisheye_fov > 0.0 && self.fisheye_fov <= 360.0) {
+            let allowed = "above 0 and at most 360 degrees is needed";
+            return Err(InvalidField::new("view.fisheye_fov", self.fisheye_fov, allowed));
+        }
+        not_negative("view.eye_distance", self.eye_distance)?;
+        self.convergence.map_or(Ok(()), |distance| positive("view.convergence", distance))?;
+        match self.rolling_shutter {
+            Some(exposure) if !(0.0..=1.0).contains(&exposure) => {
+                Err(InvalidField::new("view.rolling_shutter", exposure, "a share from 0 to 1 is needed"))
+            }
             _ => Ok(()),
         }
     }

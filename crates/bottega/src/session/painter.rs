@@ -16,7 +16,7 @@ use crate::{
     loaded_scene::LoadedScene,
     picture::REQUEST_KEY,
     plan::{AgentRules, PicturePart, Plan},
-    request::Request,
+    request::{Request, ViewOptions},
     text::shown,
 };
 
@@ -129,11 +129,9 @@ impl Painter {
             thousandth(crop.y1, height),
         ];
         let view = format!(
-            "{} {:?} {:?} {:?} {part:?} {:.2} {:?}",
+            "{} {:?} {part:?} {:.2} {:?}",
             loaded.camera,
-            request.view.pose,
-            request.view.lens_radius,
-            request.view.focus_distance,
+            ViewOptions { camera: None, ..request.view.clone() },
             width / height,
             request.environment.light,
         );

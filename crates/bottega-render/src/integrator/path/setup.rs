@@ -30,6 +30,8 @@ pub struct PathIntegrator<'a> {
     pub(super) camera_medium: Option<MediumId>,
     /// `true`: the camera does not see emitters.
     pub(super) hides_emitters: bool,
+    /// Share of the shutter's time for which a row is exposed, if rows are exposed one after another.
+    pub(super) rolling_shutter: Option<f32>,
     /// Sampler of the pixel filter.
     pub(super) filter: FilterSampler,
     /// Optional values of each sample.
@@ -65,6 +67,7 @@ impl<'a> PathIntegrator<'a> {
             size: Vec2::new(view.width as f32, view.height as f32),
             camera_medium: camera.medium,
             hides_emitters: camera.hides_emitters,
+            rolling_shutter: camera.rolling_shutter,
             filter: FilterSampler::new(settings.filter),
             wanted: Wanted::default(),
             guide: None,
@@ -142,15 +145,27 @@ impl<'a> PathIntegrator<'a> {
     pub(crate) fn camera_ray(&self, sampler: &PixelSampler, x: u32, y: u32) -> (CameraRay, f32) {
         let [filter_u, filter_v, lens_u, lens_v] = sampler.quad(DimensionSet::CAMERA);
         let ([dx, dy], factor) = self.filter.sample([filter_u, filter_v]);
-        (self.camera.ray(Vec2::new(x as f32 + 0.5 + dx, y as f32 + 0.5 + dy), [lens_u, lens_v]), factor)
+        let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+        let ray = self.camera.ray_of_pixel(center, Vec2::new(dx, dy), [lens_u, lens_v]);
+        (ray, factor * ray.weight)
     }
 
     /// Samples the camera ray of a pixel as [`Self::camera_ray`], with the camera as it is at a time.
     pub(crate) fn camera_ray_at(&self, sampler: &PixelSampler, x: u32, y: u32, time: f32) -> (CameraRay, f32) {
         let [filter_u, filter_v, lens_u, lens_v] = sampler.quad(DimensionSet::CAMERA);
         let ([dx, dy], factor) = self.filter.sample([filter_u, filter_v]);
-        let place = Vec2::new(x as f32 + 0.5 + dx, y as f32 + 0.5 + dy);
-        (self.camera.ray_at(place, [lens_u, lens_v], time), factor)
+        let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+        let ray = self.camera.ray_at(center, Vec2::new(dx, dy), [lens_u, lens_v], time);
+        (ray, factor * ray.weight)
+    }
+
+    /// Returns the time of a sample of a row, from 0 to 1, for a time while the shutter is open. They differ if rows are
+    /// exposed one after another.
+    pub(in crate::integrator) fn time_of_row(&self, time: f32, y: u32) -> f32 {
+        match self.rolling_shutter {
+            None => time,
+            Some(exposure) => (y as f32 + 0.5) / self.size.y * (1.0 - exposure) + time * exposure,
+        }
     }
 
     /// Returns the centre of a pixel in the picture, in [0, 1)².

@@ -105,7 +105,7 @@ impl GatherPath<'_> {
         }
         // Follow the path from there to its end
         let cone = RayCone { width: from.width, spread: SCATTERED_SPREAD };
-        let ray = CameraRay { origin, direction, cone, start: 0.0, reach: f32::INFINITY };
+        let ray = CameraRay { origin, direction, cone, start: 0.0, reach: f32::INFINITY, weight: 1.0 };
         let mut state = GatherState {
             depth: 1,
             vertex: VERTICES * (2 + index),
