@@ -127,7 +127,13 @@ pub struct Acc {
 }
 
 impl Acc {
-    /// Makes the channel of the platform with this name, reachable at these addresses.
+    /// Makes the channel of a platform.
+    ///
+    /// - `platform`: the name of the platform.
+    /// - `addresses`: the addresses at which other platforms reach the channel. The first one stands in its stamps on
+    ///   envelopes; without any, the platform's name does.
+    /// - `calendar`: converts the platform's time to the dates in the stamps.
+    /// - `salt`: a secret number, so that others cannot predict the digests by which duplicates are detected.
     pub fn new(platform: impl Into<String>, addresses: Vec<String>, calendar: Calendar, salt: u64) -> Self {
         Self {
             platform: platform.into(),

@@ -127,7 +127,7 @@ pub struct AclMessage<C = String> {
 }
 
 impl<C> AclMessage<C> {
-    /// Makes a message to one receiver, outside any conversation.
+    /// Makes a message to one receiver, outside any conversation: without language, ontology, protocol and deadline.
     pub fn new(performative: Performative, sender: AgentId, receiver: AgentId, content: C) -> Self {
         Self {
             performative,

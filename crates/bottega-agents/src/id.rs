@@ -14,7 +14,7 @@ pub struct AgentId {
 }
 
 impl AgentId {
-    /// Makes the identifier of an agent of this platform.
+    /// Makes an identifier without addresses from a full name, `local@platform`.
     pub fn new(name: impl Into<Arc<str>>) -> Self {
         Self { name: name.into(), addresses: Arc::new([]) }
     }

@@ -113,7 +113,9 @@ pub struct ZoneTask {
 }
 
 impl ZoneTask {
-    /// Returns a task for samples of a whole rectangle, without samples before and for any engine.
+    /// Returns a task for all pixels of a rectangle, without earlier samples and for any engine.
+    ///
+    /// - `samples`: the indices of the samples of each pixel.
     pub fn new(rect: Rect, samples: Range<u32>, tunables: Tunables) -> Self {
         Self {
             rect,

@@ -58,7 +58,7 @@ impl MixedEngine {
     ///
     /// - `engines`: at least one, each with the number of zones that it renders at a time. The rules of the job may prefer
     ///   the first for simple zones and the last for complex ones.
-    /// - `surveyor`: the index of the engine that renders the survey.
+    /// - `surveyor`: the index of the engine that renders the survey. Panics if there is no such engine.
     pub fn new(engines: Vec<(Arc<dyn RenderEngine>, usize)>, surveyor: usize) -> Self {
         assert!(surveyor < engines.len(), "somebody must look at the scene");
         let idle = |most: usize| Load { most: most.max(1), running: 0, under_way: 0.0, speed: None, zones: 0 };

@@ -94,7 +94,8 @@ pub struct AgentRow {
 }
 
 impl AgentRow {
-    /// Makes the row of an agent that has only run its benchmark.
+    /// Makes the row of an agent that has only run its benchmark: its measured `power`, and the number of processors that
+    /// work on its zones, `lanes`.
     pub fn new(agent: AgentId, power: RelativePower, lanes: f64) -> Self {
         Self { agent, power, lanes, credit: Credit::default(), agreed: 0, failures: 0, left_out: None }
     }

@@ -18,7 +18,7 @@ pub struct BandedZone {
 }
 
 impl BandedZone {
-    /// Makes a zone with its bands, in pixels.
+    /// Makes the zone of `rect` with its bands, clipped to `frame`; all in pixels.
     pub fn new(rect: Rect, bands: Sides<u32>, frame: &Rect) -> Self {
         Self { rect, grown: rect.grown_by(bands, frame) }
     }
@@ -40,9 +40,10 @@ impl BandedZone {
     }
 }
 
-/// Returns the masks of all zones, by id.
+/// Returns the masks of all zones, in order of their ids.
 ///
-/// - `bands`: the widths of the bands beyond each zone's edges, by id.
+/// - `bands`: one entry per zone, in order of ids: the widths of the bands beyond its edges, in pixels. Panics if there
+///   are more or fewer.
 pub fn masks(partition: &Partition, bands: &[Sides<u32>]) -> Vec<Mask> {
     let (zones, frame) = (partition.zones(), partition.frame());
     assert_eq!(zones.len(), bands.len(), "one band for each zone");

@@ -66,7 +66,8 @@ impl GpuRays {
     /// Puts shapes on a GPU, with the arguments and the numbering of [`bottega_kernels::Accel::build`].
     ///
     /// # Errors
-    /// There is no such adapter, the shapes do not fit into its memory, or the device is lost.
+    /// There is no such adapter, it cannot be opened, or the device is lost; the shapes are larger than it can bind or
+    /// store; or an index of a vertex or a mesh is out of range ([`GpuError::Invalid`]).
     pub fn from_geometry(
         meshes: &[MeshGeometry<'_>],
         instances: &[InstanceGeometry],

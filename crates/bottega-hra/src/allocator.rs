@@ -68,7 +68,8 @@ impl<W: Work> Hra<W> {
         Self::with_costs(config, lanes, &CostBook::new(""))
     }
 
-    /// Creates an allocator of resources of both kinds, with known costs.
+    /// Creates an allocator of resources of both kinds, with costs from an earlier run: resources are found in `costs` by
+    /// their names, and others start without costs.
     pub fn with_costs(config: HraConfig, lanes: Vec<Lane<W>>, costs: &CostBook) -> Self {
         let described: Vec<_> = lanes.iter().map(|lane| (lane.descriptor(), lane.window())).collect();
         let posts = described.iter().map(|(descriptor, window)| LanePost {

@@ -44,7 +44,8 @@ impl Primitive {
         self as usize
     }
 
-    /// Returns the name for users.
+    /// Returns the name, such as `photon gather`: for messages, and as key in the JSON of a
+    /// [`CostBook`](crate::CostBook).
     pub const fn name(self) -> &'static str {
         match self {
             Self::Intersect => "intersect",

@@ -28,7 +28,7 @@ impl Link {
 /// The description of a resource: its name and capabilities.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ResourceDescriptor {
-    /// The name for users.
+    /// The name, for messages; a [`CostBook`](crate::CostBook) stores costs by it.
     pub name: String,
     /// The supported primitives.
     pub primitives: PrimitiveSet,

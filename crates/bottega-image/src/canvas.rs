@@ -42,6 +42,8 @@ impl Canvas {
     }
 
     /// Renders values in shades of gray, from black at 0 to white at 1.
+    ///
+    /// - `values`: `[height × width]`; panics if the length differs.
     pub fn gray_map(width: u32, height: u32, values: &[f32]) -> Self {
         assert_eq!(values.len(), width as usize * height as usize, "values of a map of {width} × {height}");
         let gray = |value: &f32| [(value.clamp(0.0, 1.0) * 255.0).round() as u8; 3];

@@ -56,8 +56,9 @@ pub enum ExrCompression {
     Zip,
     /// Wavelets: smallest lossless files of noisy pictures, slower.
     Piz,
-    /// Lossy, in blocks of 32 rows: a third of the size or less, with errors that the eye does not see. Layers that are not
-    /// colors stay exact; identities lie in parts of their own.
+    /// Lossy, in blocks of 32 rows: a third of the size or less, with errors that the eye does not see. Rounds channels with
+    /// the last names `R`, `G`, `B` and `Y`, so the Y of normals and positions, too. Other channels stay exact, and so do
+    /// identities and codes, which lie in parts of their own, compressed as [`Self::Zip`].
     Dwaa,
     /// As [`Self::Dwaa`] in blocks of 256 rows: a little smaller.
     Dwab,

@@ -128,7 +128,7 @@ impl Rect {
     }
 
     /// Splits the rectangle into blocks of at most `side` × `side` pixels, aligned to multiples of `side`, row by
-    /// row.
+    /// row. Panics if `side` is 0.
     pub fn blocks(&self, side: u32) -> impl Iterator<Item = Self> + use<> {
         assert!(side > 0);
         let r = *self;

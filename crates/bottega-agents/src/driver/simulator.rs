@@ -92,7 +92,11 @@ where
     M::Content: Clone,
     M::Value: Clone,
 {
-    /// Makes an empty platform with a world that executes effects.
+    /// Makes an empty platform.
+    ///
+    /// - `seed`: the seed of all randomness; the same seed gives the same run.
+    /// - `faults`: the faults of the network and their frequencies.
+    /// - `world`: executes the agents' effects.
     pub fn new(seed: u64, faults: Faults, world: W) -> Self {
         let network = Network::new(seed, faults);
         Self {
@@ -120,7 +124,8 @@ where
         numbered.filter_map(|(index, node)| Some((NodeId(index as u32), node.as_ref()?)))
     }
 
-    /// Adds an agent, created by `make` at each start. `may_crash`: true if faults may crash it.
+    /// Adds an agent, created by `make` at each start. `may_crash`: true if faults may crash it. Panics if an agent of this
+    /// name was added before and is not retired.
     pub fn add(&mut self, id: &AgentId, may_crash: bool, make: impl FnMut() -> M + 'static) {
         let node = self.network.node(id);
         assert!(self.node(node).is_none(), "an agent's name is given once");

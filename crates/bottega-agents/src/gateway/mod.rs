@@ -117,7 +117,7 @@ impl Way {
     /// All ways, in the order of their declaration.
     pub const ALL: [Self; 4] = [Self::In, Self::Out, Self::Dropped, Self::Lost];
 
-    /// Returns a name for display.
+    /// Returns the name of the way, such as `in`: in the JSON lines of a trace.
     pub fn word(self) -> &'static str {
         match self {
             Self::In => "in",

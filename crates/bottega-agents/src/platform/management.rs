@@ -329,7 +329,7 @@ fn within<T>(template: &[T], object: &[T], matches: impl Fn(&T, &T) -> bool) -> 
 }
 
 impl AmsAgentDescription {
-    /// Returns true if `object` matches this template.
+    /// Returns true if `object` matches this template: it has the same value of each parameter that the template sets.
     pub fn matches(&self, object: &Self) -> bool {
         same(&self.name, &object.name) && same(&self.ownership, &object.ownership) && same(&self.state, &object.state)
     }
@@ -341,7 +341,8 @@ impl ServiceDescription {
         self.properties.iter().find(|property| property.name == name).map(|property| &property.value)
     }
 
-    /// Returns true if `object` matches this template.
+    /// Returns true if `object` matches this template: it has the same value of each parameter that the template sets, and
+    /// of lists at least the elements that the template lists.
     pub fn matches(&self, object: &Self) -> bool {
         same(&self.name, &object.name)
             && same(&self.service_type, &object.service_type)
@@ -354,7 +355,8 @@ impl ServiceDescription {
 }
 
 impl DfAgentDescription {
-    /// Returns true if `object` matches this template.
+    /// Returns true if `object` matches this template: it has the same value of each parameter that the template sets, and
+    /// of lists at least the elements that the template lists. A service matches by [`ServiceDescription::matches`].
     pub fn matches(&self, object: &Self) -> bool {
         same(&self.name, &object.name)
             && same(&self.lease_time, &object.lease_time)

@@ -121,7 +121,7 @@ impl<T: Clone + PartialEq> Page<T> {
     }
 }
 
-/// Makes a request to a directory.
+/// Makes a request from an agent to a directory, to perform `function`. `number` identifies the conversation.
 pub fn directory_request<C: CarriesManagement>(
     number: u64,
     from: &AgentId,

@@ -126,7 +126,8 @@ impl<C: Clone> ContractNetInitiator<C> {
         &self.call
     }
 
-    /// Handles a message of this conversation. Duplicates are ignored.
+    /// Handles a message of this conversation. Returns the event that it causes, if any; replies are appended to `send`.
+    /// Duplicates are ignored.
     ///
     /// # Errors
     /// The sender was not called, or the message is out of sequence; nothing has changed.
@@ -299,7 +300,8 @@ impl<C: Clone> ContractNetResponder<C> {
         Self { me, open: BTreeMap::new() }
     }
 
-    /// Handles a message of the protocol. Duplicates are ignored.
+    /// Handles a message of the protocol. Returns the event that it causes, if any; replies are appended to `send`.
+    /// Duplicates are ignored.
     ///
     /// # Errors
     /// The conversation is unknown, or the message is out of sequence; nothing has changed.

@@ -46,10 +46,12 @@ impl RequestInitiator {
         this
     }
 
-    /// Handles a message of this conversation.
+    /// Handles a message of this conversation. Returns the answer, which ends the conversation; `None`: the participant
+    /// has only agreed, and its answer is still to come.
     ///
     /// # Errors
-    /// The message is from another sender, or the conversation is over, or the message is out of sequence.
+    /// The message belongs to another participant or conversation, the conversation is over, or the message is out of
+    /// sequence; nothing has changed.
     pub fn handle_message<C: Clone>(&mut self, message: &AclMessage<C>) -> Result<Option<Answer<C>>, OutOfSequence> {
         let wrong = |state| OutOfSequence { from: message.sender.clone(), got: message.performative, state };
         if message.sender != self.participant || message.conversation_id != self.conversation_id {

@@ -21,7 +21,7 @@ pub enum Activity {
 }
 
 impl Activity {
-    /// Returns the name of the activity for display.
+    /// Returns the name of the activity, such as `busy`: in messages, JSON and the HTTP API.
     pub fn word(self) -> &'static str {
         match self {
             Self::Waiting => "waiting",

@@ -21,7 +21,7 @@ pub enum PresenceState {
 }
 
 impl PresenceState {
-    /// Returns the name of the state for display.
+    /// Returns the name of the state, such as `active`: in messages, JSON, the HTTP API and FIPA messages.
     pub fn word(self) -> &'static str {
         match self {
             Self::Active => "active",

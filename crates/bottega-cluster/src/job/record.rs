@@ -41,7 +41,7 @@ impl JobState {
         !matches!(self, Self::Active | Self::Paused)
     }
 
-    /// Returns the name of the state for display.
+    /// Returns the name of the state, such as `done`: in messages, JSON and the HTTP API.
     pub fn word(&self) -> &'static str {
         match self {
             Self::Active => "active",

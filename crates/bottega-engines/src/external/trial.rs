@@ -44,7 +44,11 @@ impl EngineTrial {
         Ok(Self { engine, frame: Rect::of_size(width, height) })
     }
 
-    /// Renders windows, one after another. Returns the picture and the time that it took.
+    /// Renders windows of the frame, one after another. Returns the frame, empty outside of the windows, and the elapsed
+    /// time.
+    ///
+    /// - `windows`: in pixels of the frame.
+    /// - `samples`: samples per pixel.
     ///
     /// # Errors
     /// The engine fails.

@@ -112,7 +112,11 @@ pub struct Vote {
 }
 
 impl ZoneRow {
-    /// Makes the row of a new zone.
+    /// Makes the row of a new zone, which is open and has no agent.
+    ///
+    /// - `rect`: its pixels, without the band.
+    /// - `complexity`: its predicted cost, in average pixels of the frame.
+    /// - `neighbor_difference`: its difference from the zones beside it, in average pixels per pixel.
     pub fn open(
         work: WorkId,
         zone: ZoneId,

@@ -89,7 +89,8 @@ impl JobSettings {
         !is_paper && self.verify <= 1 && !self.strangers
     }
 
-    /// Returns the settings of a picture, with defaults for all others.
+    /// Returns the settings of a picture of `width` × `height` pixels and `samples` samples per pixel, with defaults for all
+    /// others.
     pub fn new(width: u32, height: u32, samples: u32, tunables: Tunables, layout: Layout) -> Self {
         Self {
             width,

@@ -137,7 +137,8 @@ impl Workpiece {
         })
     }
 
-    /// Makes a work of a number of zones whose costs have a log-normal distribution.
+    /// Makes a work of `zone_count` zones whose costs have a log-normal distribution. The same `seed` gives the same
+    /// costs.
     ///
     /// # Errors
     /// The work has no zones, or too many.

@@ -52,7 +52,8 @@ impl CostLine {
 }
 
 impl CostModel {
-    /// Weight of the newest measurement, after the first few.
+    /// Weight of the newest measurement in the exponentially weighted mean, 0..1. The first ten measurements have equal
+    /// weights.
     pub const WEIGHT: f64 = 0.1;
 
     /// Makes a model from an earlier run: number of units, mean items per unit, and the line.
