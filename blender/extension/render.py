@@ -15,7 +15,7 @@ from .export import Export
 from .export.camera import Frame, camera_keys, camera_of, frame_of
 from .export.moments import Clock, Motion, camera_matrix, follow, lens_of
 from .export.report import Fidelity, Report
-from .export.shutter import shutter_of
+from .export.shutter import rolling_shutter_of, shutter_of
 from .final import Finish, Layers, PassInfo, crop_of, note_groups, passes_of, pixels_of, request_fields
 from .work import Work, work_for
 
@@ -129,6 +129,7 @@ def _camera(engine: Any, camera: Any, depsgraph: Any, frame: Frame, export: Expo
     made = camera_of(evaluated, matrix, frame, export.report)
     if export.paths is None:
         return made, []
+    made.rolling_shutter = rolling_shutter_of(depsgraph.scene)
     path, lenses = export.paths.of_camera(evaluated, matrix)
     if any(lens != lens_of(evaluated) for lens in lenses):
         text = "the angle of the camera does not change while the shutter is open"

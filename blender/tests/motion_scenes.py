@@ -30,6 +30,20 @@ def moving_objects() -> None:
 
 
 @scene
+def rolling_shutter() -> None:
+    """A bar that moves sideways while the rows are exposed one after another: it slants."""
+    made = empty((0.5, 0.5, 0.5))
+    floor(matte())
+    for x, length in ((-1.5, 3.0), (1.5, -3.0)):
+        bar = cube((x, 0.5, 1.5), 1.0, matte((0.8, 0.4, 0.1)))
+        bar.scale = (0.3, 0.3, 3.0)
+        moved(bar, "location", (x - 0.5 * length, 0.5, 1.5), (x + 0.5 * length, 0.5, 1.5))
+    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+    made.cycles.rolling_shutter_type, made.cycles.rolling_shutter_duration = "TOP", 0.2
+    blurred(made)
+
+
+@scene
 def turning_objects() -> None:
     """Bars that turn: by few steps and by many, which are bent otherwise; and a mirrored one."""
     made = empty((0.5, 0.5, 0.5))

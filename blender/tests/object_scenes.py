@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 import numpy as np
-from scene_parts import ball, cube, empty, floor, lamp, link, matte, nodes, scene, textured_room
+from scene_parts import ball, cube, empty, floor, lamp, link, matte, nodes, scene, shaded, textured_room
 
 
 @scene
@@ -111,16 +111,48 @@ def orthographic() -> None:
     data.shift_x = 0.1
 
 
+def all_around(kind: str, **settings: float) -> Any:
+    """Returns a room seen by a panoramic camera."""
+    made = textured_room()
+    data = made.camera.data
+    data.type = "PANO"
+    owner = data if hasattr(data, "panorama_type") else data.cycles
+    owner.panorama_type = kind
+    for name, value in settings.items():
+        setattr(owner, name, value)
+    made.camera.location = (0, -2, 2)
+    return made
+
+
 @scene
 def spherical() -> None:
     """An equirectangular camera."""
-    made = textured_room()
-    made.camera.data.type = "PANO"
-    if hasattr(made.camera.data, "panorama_type"):
-        made.camera.data.panorama_type = "EQUIRECTANGULAR"
-    else:
-        made.camera.data.cycles.panorama_type = "EQUIRECTANGULAR"
-    made.camera.location = (0, -2, 2)
+    all_around("EQUIRECTANGULAR")
+
+
+@scene
+def fisheye() -> None:
+    """A fisheye whose angles are in proportion, stretched over a picture that is not square."""
+    all_around("FISHEYE_EQUIDISTANT", fisheye_fov=math.radians(200.0))
+
+
+@scene
+def equisolid() -> None:
+    """A fisheye of equal areas with a sensor, whose circle is cut off above and below."""
+    all_around("FISHEYE_EQUISOLID", fisheye_fov=math.radians(180.0), fisheye_lens=10.0)
+
+
+@scene
+def equisolid_by_height() -> None:
+    """The same with a sensor that fits the picture's height."""
+    made = all_around("FISHEYE_EQUISOLID", fisheye_fov=math.radians(150.0), fisheye_lens=12.0)
+    made.camera.data.sensor_fit = "VERTICAL"
+
+
+@scene
+def mirror_ball() -> None:
+    """A panorama as in a mirror ball."""
+    all_around("MIRRORBALL")
 
 
 @scene
@@ -129,6 +161,18 @@ def focus() -> None:
     made = textured_room()
     dof = made.camera.data.dof
     dof.use_dof, dof.focus_distance, dof.aperture_fstop = True, 6.0, 0.3
+
+
+@scene
+def blades() -> None:
+    """Small lamps out of focus, behind an aperture with five blades that is narrower than high."""
+    made = empty()
+    floor(matte())
+    dof = made.camera.data.dof
+    dof.use_dof, dof.focus_distance, dof.aperture_fstop = True, 4.0, 0.1
+    dof.aperture_blades, dof.aperture_rotation, dof.aperture_ratio = 5, 0.4, 1.6
+    for index in range(5):
+        ball((index - 2.0, 0.5, 0.6 + 0.4 * index), 0.15, shaded("ShaderNodeEmission", Strength=8.0))
 
 
 @scene

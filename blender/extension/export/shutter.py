@@ -49,9 +49,15 @@ def shutter_of(scene: Any, layer: Any, report: Report) -> Shutter | None:
     if difference > LISTED:
         text = f"the curve of the shutter is rendered as one that takes {100 * ramp:.0f} % of the time to open, and as much to close"
         report.add("shutter", scene.name, "Shutter Curve", Fidelity.APPROXIMATED, text)
-    if getattr(cycles, "rolling_shutter_type", "NONE") != "NONE":
-        report.add("shutter", scene.name, "Rolling Shutter", Fidelity.LEFT_OUT, "all rows of the picture show the same span of time")
     return Shutter(middle - 0.5 * length, middle + 0.5 * length, ramp)
+
+
+def rolling_shutter_of(scene: Any) -> float | None:
+    """Returns the share of the shutter's time for which each row is exposed; `None`: all rows at the same time."""
+    cycles = getattr(scene, "cycles", None)
+    if getattr(cycles, "rolling_shutter_type", "NONE") != "TOP":
+        return None
+    return min(max(float(cycles.rolling_shutter_duration), 1e-6), 1.0)
 
 
 def _ramp_of(mapping: Any) -> tuple[float, float]:

@@ -220,7 +220,7 @@ def test_every_surface_can_be_put_painted_and_taken_out(surface: bottega.Surface
     assert type(taken.surface) is type(surface) and same(scene, again)
 
 
-def test_all_lights_environments_and_cameras() -> None:
+def test_all_lights_environments_and_cameras(tmp_path: Path) -> None:
     scene = square()
     scene.images["map"] = Image(np.linspace(0, 2, 8 * 8 * 3, dtype=np.float32).reshape(8, 8, 3), "linear")
     matrix = np.eye(4)
@@ -247,9 +247,18 @@ def test_all_lights_environments_and_cameras() -> None:
         Camera(matrix, fov=60, shift=(0.5, 0), lens_radius=0.1, focus_distance=2.0),
         Camera(matrix, projection="orthographic", height=2.0, near=0.5, far=3.0),
         Camera(matrix, projection="equirectangular"),
+        Camera(matrix, projection="cube", stereo="top_bottom", eye_distance=0.1, convergence=4.0),
+        Camera(matrix, projection="equisolid_fisheye", fisheye_fov=190, circle_height=2.0),
+        Camera(matrix, lens_radius=0.1, focus_distance=2.0, blades=5, blade_rotation=20, aperture_ratio=2.0),
+        Camera(matrix, lenses=bottega.Lenses([(0.04, 0.006, 1.5, 0.012), (-0.05, 0.04, 1.0, 0.012)], 0.01, 2.0), rolling_shutter=0.5),
     ):
         scene.cameras["other"] = camera
-        assert np.isfinite(bottega.render(scene, camera="other", **SMALL).color).all()
+        color = bottega.render(scene, camera="other", **SMALL).color
+        assert np.isfinite(color).all() and color.max() > 0
+        scene.save(tmp_path / "a.bottega")
+        read = Scene.read(tmp_path / "a.bottega")
+        assert (bottega.render(read, camera="other", **SMALL).color == color).all(), camera.projection
+        assert read.cameras["other"].stereo == camera.stereo and read.cameras["other"].blades == camera.blades
     scene.cameras["other"].projection = "perspective"
     assert scene.cameras["other"].far == math.inf and scene.cameras.keys() == ["main", "other"]
 

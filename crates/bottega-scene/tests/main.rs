@@ -6,6 +6,7 @@ mod mitsuba;
 mod motion;
 mod mutation;
 mod pbrt;
+mod pbrt_lenses;
 mod pbrt_mappings;
 mod saved;
 mod usd;

@@ -145,7 +145,7 @@ fn project(scene: &Scene, aspect: f32, point: Vec3) -> Vec2 {
     let place = match camera.projection {
         Projection::Perspective { vertical_fov } => local.truncate() / (-local.z * (0.5 * vertical_fov).tan()),
         Projection::Orthographic { height } => local.truncate() / (0.5 * height),
-        Projection::Panorama(_) => panic!("all around"),
+        Projection::Fisheye { .. } | Projection::Panorama(_) => panic!("all around"),
     };
     place / Vec2::new(aspect * camera.pixel_aspect, 1.0) + camera.lens_shift
 }

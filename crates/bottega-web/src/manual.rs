@@ -28,7 +28,7 @@ macro_rules! pictures {
 /// The pages: name relative to `docs/`, and text.
 const PAGES: &[(&str, &str)] = pages! {
     "ala" "api" "decisions" "devices" "engines" "explanation/agents" "explanation/exact" "explanation/nats" "explanation/platform"
-    "explanation/reading" "farm" "guides/blender" "guides/hair" "guides/layers" "guides/motion" "guides/quality" "guides/scenes"
+    "explanation/reading" "farm" "guides/blender" "guides/cameras" "guides/hair" "guides/layers" "guides/motion" "guides/quality" "guides/scenes"
     "guides/security" "guides/studio" "guides/subsurface" "guides/systems" "guides/trouble" "guides/volumes" "hra" "index" "magarro" "python" "reference/commands"
     "reference/configuration" "reference/events" "reference/files" "reference/models" "reference/request" "render" "requests" "strangers" "symbols"
     "tools" "tutorials/first-picture" "tutorials/from-blender" "tutorials/own-rules" "tutorials/paper-table"
@@ -38,7 +38,7 @@ const PAGES: &[(&str, &str)] = pages! {
 const CONTENTS: &str = include_str!("../../../docs/SUMMARY.md");
 /// The pictures of the pages: file name, and bytes.
 const PICTURES: &[(&str, &[u8])] = pictures! {
-    "bands.png" "blender-beside-cycles.jpg" "clear-coat.jpg" "cornell-box.jpg" "cube.png" "flight-helmet.jpg" "goblets.jpg" "hair.jpg" "layers.jpg" "light-groups.jpg" "ludd.png"
+    "bands.png" "blender-beside-cycles.jpg" "cameras.jpg" "clear-coat.jpg" "cornell-box.jpg" "cube.png" "flight-helmet.jpg" "goblets.jpg" "hair.jpg" "layers.jpg" "light-groups.jpg" "ludd.png"
     "models/ala.png" "models/coat.png"
     "models/coated.png" "models/conductor.png" "models/dielectric.png" "models/environment.png" "models/film.png" "models/hair.png" "models/matte.png"
     "models/medium.png" "models/path.png" "models/photon.png" "models/plastic.png" "models/principled.png" "models/punctual.png"

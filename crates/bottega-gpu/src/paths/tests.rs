@@ -9,7 +9,7 @@ use bottega_kernels::Ray;
 use bottega_render::{
     BlockWork, DirectLight, Filter, PathSettings, PrepareOptions, PreparedScene, RenderOutput, RenderWork, View,
 };
-use bottega_scene::{Clip, Environment, Panorama, Projection, Scene};
+use bottega_scene::{Camera, Clip, Environment, Panorama, Projection, Scene};
 use glam::Vec3;
 
 use super::GpuAdapter;
@@ -272,7 +272,14 @@ fn unsupported_units_are_returned_and_the_others_are_done() {
     let channels = ["R", "G", "B"].map(str::to_owned).to_vec();
     let group = Layer { name: "light_key".to_owned(), channels, combine: Combine::Mean };
     let grouped = Layout::with_layers(AovSet::NONE, vec![group]).unwrap();
+    let projection = Projection::Panorama(Panorama::Cube);
+    let cube = scene.add_camera(Camera { projection, ..scene.scene().cameras[0].clone() });
+    let mut all_around = block(&scene, layout(), 0..1);
+    if let RenderWork::Block(block) = &mut all_around {
+        block.view.camera = cube;
+    }
     let works = vec![
+        all_around,
         block(&scene, costly, 0..1),
         block(&scene, grouped, 0..1),
         RenderWork::Rays { scene: prepare(scenes::open()), rays: Arc::default() },
@@ -285,6 +292,7 @@ fn unsupported_units_are_returned_and_the_others_are_done() {
     assert_eq!(
         reasons,
         [
+            Some("devices do not support this camera"),
             Some("devices do not support the layer `cost`"),
             Some("devices do not support the layer `light_key`"),
             Some("the scene was not given to this device"),
@@ -293,7 +301,7 @@ fn unsupported_units_are_returned_and_the_others_are_done() {
             None
         ]
     );
-    let Ok(RenderOutput::Block(output)) = &outcomes[5] else { panic!("no block") };
+    let Ok(RenderOutput::Block(output)) = &outcomes[6] else { panic!("no block") };
     assert!(output.tile.sums().chunks_exact(6).all(|pixel| pixel[Layout::SAMPLE_COUNT] == 3.0));
 }
 

@@ -59,10 +59,8 @@ Compression = Literal["zip", "zips", "piz", "rle", "dwaa", "dwab", "none"]
 """The compression of an EXR file. zip: Lossless, in blocks of 16 rows; every program reads it: the
 default. zips: Lossless, row by row: for programs that read parts of a picture, such as Nuke. piz:
 Lossless; the smallest for noisy pictures, slower. rle: Lossless and fast; good for flat colors.
-dwaa: Lossy, a third of the size or less; the eye sees no difference. Rounds colors, and the Y of
-normals and positions. Keeps alpha, depth, texture coordinates, sample counts, costs, errors and
-Cryptomattes without loss, because a rounded number or identity misleads compositing. dwab: As
-`dwaa`, a little smaller. none: No compression.
+dwaa: Lossy, a third of the size or less; the eye sees no difference. Layers that are no colors stay
+exact. dwab: As `dwaa`, a little smaller. none: No compression.
 """
 
 
@@ -155,6 +153,16 @@ curve.
 """
 
 
+ProjectionChoice = Literal["equirectangular", "equal-area", "cube", "fisheye", "equisolid-fisheye"]
+"""The projection of a camera. equirectangular: The whole sphere: longitude along the rows, latitude
+down the columns; the view ahead is in the middle. equal-area: The whole sphere in a square, in
+which equal areas cover equal solid angles; the view up is in the middle. cube: Six square pictures
+side by side: towards +x, -x, +y, -y, +z and -z of the camera. fisheye: A circle in which distance
+from the middle is in proportion to the angle; see `view.fisheye_fov`. equisolid-fisheye: A circle
+in which equal areas cover equal solid angles; see `view.fisheye_fov`.
+"""
+
+
 class RulesSourceFile(TypedDict):
     """An FCL file, or the name of built-in rules, such as `paper`: the rule set of the MAGarRO paper."""
 
@@ -169,6 +177,12 @@ class RulesSourceText(TypedDict):
 
 RulesSource = Union[RulesSourceFile, RulesSourceText]
 """A source of expert rules."""
+
+
+StereoChoice = Literal["side-by-side", "top-bottom"]
+"""The places of the pictures for two eyes. side-by-side: The left eye's picture is the left half. top-
+bottom: The left eye's picture is the upper half.
+"""
 
 
 ToneCurve = Literal["agx", "aces", "linear"]
@@ -693,14 +707,40 @@ class SceneOptions(Section):
 class ViewOptions(Section):
     """The camera and its pose."""
 
+    aperture_ratio: float | None = None
+    """Height over width of the aperture; 2 for the narrow highlights of anamorphic lenses. None: that
+    of the file.
+    """
+    blade_rotation: float = 0.0
+    """Rotation of the aperture's blades, counterclockwise, in degrees."""
+    blades: int | None = None
+    """Number of blades of the aperture, which highlights out of focus show as corners; 0: it is round.
+    None: that of the file.
+    """
     camera: str | None = None
     """The camera, by name or by number from 0; none: the file's first."""
+    convergence: float | None = None
+    """Distance at which the pictures of the two eyes agree, in scene units; none: the eyes look in
+    parallel.
+    """
+    eye_distance: float = 0.06400000303983688
+    """Distance between the two eyes, in scene units."""
+    fisheye_fov: float = 180.0
+    """Full angle of the circle of a fisheye, in degrees, up to 360."""
     focus_distance: float | None = None
     """Focus distance, in scene units."""
     lens_radius: float | None = None
     """Radius of the lens, in scene units; 0: everything is sharp."""
     pose: CameraPose | None = None
     """The pose; none: that of the file. The lens stays that of the file."""
+    projection: ProjectionChoice | None = None
+    """The projection; none: that of the file."""
+    rolling_shutter: float | None = None
+    """Share of the shutter's time for which each row is exposed; the rows are exposed one after
+    another, from the upper edge down. None: all rows at the same time.
+    """
+    stereo: StereoChoice | None = None
+    """Pictures for two eyes in one picture, each of half its size; none: one eye."""
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {"pose": CameraPose}
     _tuples: ClassVar[frozenset[str]] = frozenset([])

@@ -1,6 +1,7 @@
 //! Pictures against known answers, equal means and equal bits.
 
 mod agents;
+mod cameras;
 mod determinism;
 mod furnace;
 mod guiding;
