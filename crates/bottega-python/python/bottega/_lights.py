@@ -376,7 +376,7 @@ class Camera(Value):
     aperture_ratio: float = plain_real(1.0, 1e-6, 1e6)
     lenses: Lenses | None = of(ValueKind(Lenses), None)
     stereo: Literal["side_by_side", "top_bottom"] | None = of(MaybeChoiceKind("side_by_side", "top_bottom"), None)
-    eye_distance: float = plain_real(0.064)
+    eye_distance: float = plain_real(0.0625)
     convergence: float = of(FarKind(), math.inf)
     rolling_shutter: float | None = of(MaybeRealKind(), None)
 
@@ -448,7 +448,7 @@ class Camera(Value):
             "aperture_ratio": aperture["ratio"],
             "lenses": plain.get("lenses"),
             "stereo": stereo and stereo["layout"],
-            "eye_distance": stereo["eye_distance"] if stereo else 0.064,
+            "eye_distance": stereo["eye_distance"] if stereo else 0.0625,
             "convergence": math.inf if not stereo or stereo["convergence"] is None else stereo["convergence"],
             "rolling_shutter": plain.get("rolling_shutter"),
         }

@@ -59,8 +59,10 @@ Compression = Literal["zip", "zips", "piz", "rle", "dwaa", "dwab", "none"]
 """The compression of an EXR file. zip: Lossless, in blocks of 16 rows; every program reads it: the
 default. zips: Lossless, row by row: for programs that read parts of a picture, such as Nuke. piz:
 Lossless; the smallest for noisy pictures, slower. rle: Lossless and fast; good for flat colors.
-dwaa: Lossy, a third of the size or less; the eye sees no difference. Layers that are no colors stay
-exact. dwab: As `dwaa`, a little smaller. none: No compression.
+dwaa: Lossy, a third of the size or less; the eye sees no difference. Rounds colors, and the Y of
+normals and positions. Keeps alpha, depth, texture coordinates, sample counts, costs, errors and
+Cryptomattes without loss, because a rounded number or identity misleads compositing. dwab: As
+`dwaa`, a little smaller. none: No compression.
 """
 
 
@@ -723,7 +725,7 @@ class ViewOptions(Section):
     """Distance at which the pictures of the two eyes agree, in scene units; none: the eyes look in
     parallel.
     """
-    eye_distance: float = 0.06400000303983688
+    eye_distance: float = 0.0625
     """Distance between the two eyes, in scene units."""
     fisheye_fov: float = 180.0
     """Full angle of the circle of a fisheye, in degrees, up to 360."""

@@ -232,7 +232,7 @@ sections! {
         /// Pictures for two eyes in one picture, each of half its size; none: one eye.
         stereo: Option<StereoChoice> = None,
         /// Distance between the two eyes, in scene units.
-        eye_distance: f32 = 0.064,
+        eye_distance: f32 = 0.0625,
         /// Distance at which the pictures of the two eyes agree, in scene units; none: the eyes look in parallel.
         convergence: Option<f32> = None,
         /// Share of the shutter's time for which each row is exposed; the rows are exposed one after another, from the upper
