@@ -57,8 +57,8 @@ pub enum ExrCompression {
     /// Wavelets: smallest lossless files of noisy pictures, slower.
     Piz,
     /// Lossy, in blocks of 32 rows: a third of the size or less, with errors that the eye does not see. Rounds channels with
-    /// the last names `R`, `G`, `B` and `Y`, so the Y of normals and positions, too. Other channels stay exact, and so do
-    /// identities and codes, which lie in parts of their own, compressed as [`Self::Zip`].
+    /// the last names `R`, `G` and `B`. Others stay exact: identities, normals and positions lie in parts of their own,
+    /// compressed as [`Self::Zip`].
     Dwaa,
     /// As [`Self::Dwaa`] in blocks of 256 rows: a little smaller.
     Dwab,
@@ -184,7 +184,7 @@ struct ExrChannel {
     offset: usize,
     /// Offset of the pixel's red, green and blue, and their weights in this channel; `None`: the value itself.
     mix: Option<(usize, [f32; 3])>,
-    /// `true`: values are identities or codes, which must be neither converted nor rounded.
+    /// `true`: values are identities, codes or coordinates, which must be neither converted nor rounded.
     is_exact: bool,
 }
 
@@ -207,16 +207,27 @@ fn film_channels(layout: &Layout, depth: HalfOrFloat) -> Vec<ExrChannel> {
         let is_half = matches!(aov, Aov::Albedo | Aov::Normal | Aov::GeometricNormal | Aov::Direct | Aov::Indirect);
         let depth = if is_half { depth } else { HalfOrFloat::Float };
         let of_aov = named_channels(depth, aov.full_names(), offset);
-        channels.extend(of_aov.map(|channel| ExrChannel { is_exact: aov.is_matte(), ..channel }));
+        channels.extend(of_aov.map(|channel| {
+            let is_exact = aov.is_matte() || is_rounded_as_luminance(&channel.name);
+            ExrChannel { is_exact, ..channel }
+        }));
     }
     for (offset, layer) in layout.placed_layers() {
         let is_color = layer.combine == Combine::Mean && layer.channels.iter().all(|c| "RGBA".contains(c.as_str()));
         let depth = if is_color { depth } else { HalfOrFloat::Float };
-        let is_exact = layer.combine == Combine::Pick;
         let of_layer = named_channels(depth, layer.full_names(), offset);
-        channels.extend(of_layer.map(|channel| ExrChannel { is_exact, ..channel }));
+        channels.extend(of_layer.map(|channel| {
+            let is_exact = layer.combine == Combine::Pick || is_rounded_as_luminance(&channel.name);
+            ExrChannel { is_exact, ..channel }
+        }));
     }
     channels
+}
+
+/// Returns true for a channel that lossy methods take for a luminance by its last name: the second one of a normal or a
+/// position, since no layer of ours has a luminance.
+fn is_rounded_as_luminance(name: &str) -> bool {
+    matches!(name.rsplit('.').next(), Some("Y" | "RY" | "BY"))
 }
 
 fn color_channels<const N: usize>(depth: HalfOrFloat, names: [&str; N], offset: usize) -> Vec<ExrChannel> {
@@ -263,7 +274,7 @@ fn write_to<W: Write + Seek>(
         return Err(ImageError::Empty { path: path.to_owned() });
     }
     mix_colors(&mut channels, frame.options.color_space);
-    // A lossy method would destroy identities: they get parts of their own
+    // A lossy method would destroy identities and coordinates: they get parts of their own
     let is_lossy = frame.options.compression.is_lossy();
     let by_layer = frame.options.parts || (is_lossy && channels.iter().any(|channel| channel.is_exact));
     let parts = parts(channels, by_layer);

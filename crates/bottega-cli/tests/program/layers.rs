@@ -74,7 +74,7 @@ fn files_have_the_color_space_compression_and_parts_that_are_asked_for() {
     let folder = tempfile::tempdir().expect("a folder");
     let paint = |name: &str, more: &[&str]| {
         let path = folder.path().join(name);
-        let usual = ["--size", "64x48", "--spp", "4", "--seed", "3", "--aov", "depth,crypto-object", "--quiet"];
+        let usual = ["--size", "64x48", "--spp", "4", "--seed", "3", "--aov", "depth,normal,position,crypto-object", "--quiet"];
         succeed(&[&["render", "cornell-box.glb", "-o", text(&path)], &usual[..], more].concat());
         path
     };
@@ -95,7 +95,7 @@ fn files_have_the_color_space_compression_and_parts_that_are_asked_for() {
     assert!(most(&lossy) < 0.05, "{}", most(&lossy));
     assert_ne!(fs::read(&aces).expect("a file")[200..], fs::read(&plain).expect("a file")[200..]);
     let depth = |path: &Path| {
-        let names = ["depth.Z".to_owned(), "CryptoObject00.R".to_owned()];
+        let names = ["depth.Z", "P.X", "P.Y", "P.Z", "CryptoObject00.R"].map(str::to_owned);
         read_channels(path, ReadLimits::default(), &names).expect("a picture").1
     };
     let bits = |planes: Vec<Option<Vec<f32>>>| -> Vec<u32> {
@@ -103,6 +103,13 @@ fn files_have_the_color_space_compression_and_parts_that_are_asked_for() {
     };
     assert_eq!(bits(depth(&plain)), bits(depth(&lossy)));
     assert_eq!(bits(depth(&plain)), bits(depth(&aces)));
+    // Without half precision normals are kept, too
+    let whole = paint("whole.exr", &["--set=output.compression=dwab"]);
+    let normal = |path: &Path| {
+        let names = ["normal.X", "normal.Y", "normal.Z"].map(str::to_owned);
+        read_channels(path, ReadLimits::default(), &names).expect("a picture").1
+    };
+    assert_eq!(bits(normal(&plain)), bits(normal(&whole)));
 }
 
 #[test]

@@ -431,11 +431,14 @@ class Camera(Value):
     def of_plain(cls, plain: dict[str, Any], names: Names) -> Camera:
         ((kind, members),) = plain["projection"].items()
         far, aperture, stereo = plain["clip"]["far"], plain["aperture"], plain.get("stereo")
-        fisheye = members if kind == "fisheye" else {"field_of_view": math.pi, "height": 1.0}
-        names_of_fisheyes = {mapping: name for name, mapping in _FISHEYES.items()}
+        fisheye: dict[str, Any] = members if kind == "fisheye" else {"mapping": "equidistant", "field_of_view": math.pi, "height": 1.0}
+        if kind == "panorama":
+            kind = members
+        elif kind == "fisheye":
+            kind = next(name for name, mapping in _FISHEYES.items() if mapping == fisheye["mapping"])
         more = {
             "transform": plain["world_from_camera"],
-            "projection": {"panorama": members, "fisheye": names_of_fisheyes.get(fisheye.get("mapping"))}.get(kind, kind),
+            "projection": kind,
             "fov": math.degrees(members["vertical_fov"]) if kind == "perspective" else 40.0,
             "height": members["height"] if kind == "orthographic" else 2.0,
             "shift": plain["lens_shift"],

@@ -165,9 +165,9 @@ choices! {
         Piz,
         /// Lossless and fast; good for flat colors.
         Rle,
-        /// Lossy, a third of the size or less; the eye sees no difference. Rounds colors, and the Y of normals and
-        /// positions. Keeps alpha, depth, texture coordinates, sample counts, costs, errors and Cryptomattes without
-        /// loss, because a rounded number or identity misleads compositing.
+        /// Lossy, a third of the size or less; the eye sees no difference. Rounds colors: the picture, light and
+        /// albedo. Keeps all other layers, such as alpha, depth, normals and Cryptomattes, without loss, because a rounded
+        /// number or identity misleads compositing.
         Dwaa,
         /// As `dwaa`, a little smaller.
         Dwab,
