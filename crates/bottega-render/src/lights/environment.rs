@@ -16,6 +16,7 @@ use super::distribution::{Bilinear, Cells};
 use super::portal::Portals;
 use crate::{
     color::luminance,
+    density::SolidAnglePdf,
     flat::{EnvironmentRecord, NONE, Record as _, TableRecord, WordBuffer, code, place_of},
     sampler::Quad,
     sampling::uniform_sphere,
@@ -258,17 +259,17 @@ impl EnvironmentLight {
         }
     }
 
-    /// Samples a direction at a point: returns it with its radiance and pdf per solid angle. `u[0]` chooses a portal,
-    /// `u[1]` and `u[2]` the direction.
-    pub(crate) fn sample_at(&self, scene: &Scene, from: Vec3, u: Quad) -> Option<(Vec3, Spectrum, f32)> {
+    /// Samples a direction at a point: returns it with its radiance and its density. `u[0]` chooses a portal, `u[1]` and
+    /// `u[2]` the direction.
+    pub(crate) fn sample_at(&self, scene: &Scene, from: Vec3, u: Quad) -> Option<(Vec3, Spectrum, SolidAnglePdf)> {
         let Some(portals) = &self.portals else { return self.sample(scene, [u[1], u[2]]) };
         let direction = portals.sample(from, u)?;
         let pdf = portals.pdf(from, direction);
-        (pdf > 0.0 && pdf.is_finite()).then(|| (direction, self.radiance_at(scene, from, direction), pdf))
+        pdf.is_sound().then(|| (direction, self.radiance_at(scene, from, direction), pdf))
     }
 
-    /// Returns the density per solid angle with which [`Self::sample_at`] draws a direction.
-    pub(crate) fn pdf_at(&self, from: Vec3, direction: Vec3) -> f32 {
+    /// Returns the density with which [`Self::sample_at`] draws a direction.
+    pub(crate) fn pdf_at(&self, from: Vec3, direction: Vec3) -> SolidAnglePdf {
         self.portals.as_ref().map_or_else(|| self.pdf(direction), |portals| portals.pdf(from, direction))
     }
 
@@ -312,13 +313,13 @@ impl EnvironmentLight {
         })
     }
 
-    /// Samples a direction of the whole sphere: returns it with its radiance and pdf per solid angle.
-    fn sample(&self, scene: &Scene, u: [f32; 2]) -> Option<(Vec3, Spectrum, f32)> {
+    /// Samples a direction of the whole sphere: returns it with its radiance and its density.
+    fn sample(&self, scene: &Scene, u: [f32; 2]) -> Option<(Vec3, Spectrum, SolidAnglePdf)> {
         let (local, uv, pdf) = match &self.table {
             Table::None => return None,
             Table::Uniform => {
                 let direction = uniform_sphere(u);
-                return Some((direction, self.radiance(scene, direction), 1.0 / (4.0 * PI)));
+                return Some((direction, self.radiance(scene, direction), SolidAnglePdf::uniform(4.0 * PI)));
             }
             Table::Bilinear(table) => {
                 let (uv, density) = table.sample(u);
@@ -336,14 +337,14 @@ impl EnvironmentLight {
                 (direction_of_square(uv.into()), Vec2::from(uv), density / (4.0 * PI))
             }
         };
-        let is_sound = pdf > 0.0 && pdf.is_finite();
-        is_sound.then(|| (self.world_from_environment * local, self.lookup(scene, uv, 0.0), pdf))
+        let pdf = SolidAnglePdf::new(pdf);
+        pdf.is_sound().then(|| (self.world_from_environment * local, self.lookup(scene, uv, 0.0), pdf))
     }
 
-    /// Returns the density per solid angle with which [`Self::sample`] draws a direction.
-    fn pdf(&self, direction: Vec3) -> f32 {
+    /// Returns the density with which [`Self::sample`] draws a direction.
+    fn pdf(&self, direction: Vec3) -> SolidAnglePdf {
         let local = self.world_from_environment.transpose() * direction;
-        match &self.table {
+        SolidAnglePdf::new(match &self.table {
             Table::None => 0.0,
             Table::Uniform => 1.0 / (4.0 * PI),
             Table::Bilinear(table) => {
@@ -355,7 +356,7 @@ impl EnvironmentLight {
                 }
             }
             Table::Cells(table) => table.density(square_of(local).into()) / (4.0 * PI),
-        }
+        })
     }
 }
 
@@ -416,6 +417,16 @@ mod tests {
         }
     }
 
+    /// Samples a direction; returns it with its radiance and its density in sr⁻¹.
+    fn sample(light: &EnvironmentLight, scene: &Scene, u: [f32; 2]) -> Option<(Vec3, Spectrum, f32)> {
+        light.sample(scene, u).map(|(direction, radiance, pdf)| (direction, radiance, pdf.per_sr()))
+    }
+
+    /// Returns the density of a direction in sr⁻¹.
+    fn density(light: &EnvironmentLight, direction: Vec3) -> f32 {
+        light.pdf(direction).per_sr()
+    }
+
     fn grid(side: u32) -> impl Iterator<Item = [f32; 2]> {
         (0..side * side)
             .map(move |i| [((i % side) as f32 + 0.5) / side as f32, ((i / side) as f32 + 0.5) / side as f32])
@@ -427,9 +438,9 @@ mod tests {
         let light = EnvironmentLight::new(&scene, &environment(), false);
         let mut by_light = Spectrum::ZERO;
         for u in grid(128) {
-            let (direction, radiance, pdf) = light.sample(&scene, u).unwrap();
+            let (direction, radiance, pdf) = sample(&light, &scene, u).unwrap();
             assert!(direction.is_normalized());
-            let again = light.pdf(direction);
+            let again = density(&light, direction);
             // Rounding moves some directions into the next cell.
             if (again - pdf).abs() < 1e-3 * pdf {
                 assert!((light.radiance(&scene, direction) - radiance).length() < 0.05 * radiance.length());
@@ -459,8 +470,8 @@ mod tests {
         }
         let mut by_light = Spectrum::ZERO;
         for u in grid(256) {
-            let Some((direction, radiance, pdf)) = light.sample(&scene, u) else { continue };
-            assert!((light.pdf(direction) / pdf - 1.0).abs() < 0.02, "{direction}");
+            let Some((direction, radiance, pdf)) = sample(&light, &scene, u) else { continue };
+            assert!((density(&light, direction) / pdf - 1.0).abs() < 0.02, "{direction}");
             by_light += radiance / pdf / 65536.0;
         }
         let by_uniform =
@@ -475,7 +486,7 @@ mod tests {
         for compensate in [false, true] {
             let light = EnvironmentLight::new(&scene, &environment(), compensate);
             let same = grid(64).filter(|&u| {
-                light.sample(&scene, u).is_some_and(|(d, _, pdf)| (light.pdf(d) - pdf).abs() < 1e-3 * pdf)
+                sample(&light, &scene, u).is_some_and(|(d, _, pdf)| (density(&light, d) - pdf).abs() < 1e-3 * pdf)
             });
             assert!(same.count() > 4000);
         }
@@ -485,7 +496,7 @@ mod tests {
     fn the_density_integrates_to_one() {
         let scene = scene_with((16, 8), |x, y| [(x + y) as f32; 3]);
         let light = EnvironmentLight::new(&scene, &environment(), true);
-        let integral: f32 = grid(256).map(|u| light.pdf(uniform_sphere(u))).sum::<f32>() * 4.0 * PI / 65536.0;
+        let integral: f32 = grid(256).map(|u| density(&light, uniform_sphere(u))).sum::<f32>() * 4.0 * PI / 65536.0;
         assert!((integral - 1.0).abs() < 0.02, "{integral}");
     }
 
@@ -505,7 +516,7 @@ mod tests {
         let light = EnvironmentLight::new(&scene, &environment, false);
         let mut by_light = Spectrum::ZERO;
         for u in grid(600) {
-            let (direction, radiance, pdf) = light.sample(&scene, u).unwrap();
+            let (direction, radiance, pdf) = sample(&light, &scene, u).unwrap();
             assert!(direction.is_normalized() && radiance != Spectrum::ZERO);
             by_light += radiance / pdf / 360_000.0;
         }
@@ -513,7 +524,7 @@ mod tests {
             grid(256).map(|u| light.radiance(&scene, uniform_sphere(u))).sum::<Spectrum>() * (4.0 * PI / 65536.0);
         assert!((by_light / by_uniform - 1.0).abs().max_element() < 0.01, "{by_light} {by_uniform}");
         assert!((light.integral / luminance(by_uniform) - 1.0).abs() < 0.01);
-        let density: f32 = grid(256).map(|u| light.pdf(uniform_sphere(u))).sum::<f32>() * 4.0 * PI / 65536.0;
+        let density: f32 = grid(256).map(|u| density(&light, uniform_sphere(u))).sum::<f32>() * 4.0 * PI / 65536.0;
         assert!((density - 1.0).abs() < 0.01, "{density}");
     }
 
@@ -541,7 +552,7 @@ mod tests {
             let light = EnvironmentLight::new(&scene, &environment(), compensate);
             let mut values = Vec::new();
             for u in grid(64) {
-                let (_, radiance, pdf) = light.sample(&scene, u).unwrap();
+                let (_, radiance, pdf) = sample(&light, &scene, u).unwrap();
                 values.push(luminance(radiance) / pdf);
             }
             let mean = values.iter().sum::<f32>() / values.len() as f32;
@@ -560,7 +571,7 @@ mod tests {
             let direction = uniform_sphere(u);
             let radiance = luminance(light.radiance(&scene, direction));
             // Near the poles, the weights of a table of eight rows are within a factor of three
-            assert!(radiance <= 1e-5 || radiance / light.pdf(direction) < 3.0 * light.integral, "{direction}");
+            assert!(radiance <= 1e-5 || radiance / density(&light, direction) < 3.0 * light.integral, "{direction}");
         }
     }
 
@@ -577,9 +588,9 @@ mod tests {
         assert!(
             light.illuminance(Vec3::ZERO) == 0.0
                 && !light.is_sampled()
-                && light.sample(&Scene::default(), [0.5; 2]).is_none()
+                && sample(&light, &Scene::default(), [0.5; 2]).is_none()
         );
         let light = EnvironmentLight::new(&Scene::default(), &Environment { image: None, ..environment() }, false);
-        assert!(light.illuminance(Vec3::ZERO) > 0.0 && light.pdf(Vec3::X) == 1.0 / (4.0 * PI));
+        assert!(light.illuminance(Vec3::ZERO) > 0.0 && density(&light, Vec3::X) == 1.0 / (4.0 * PI));
     }
 }

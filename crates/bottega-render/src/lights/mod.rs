@@ -33,7 +33,7 @@ use bottega_kernels::Hit;
 use bottega_scene::{LightKind, Scene, Sphere, Visibility};
 use glam::Vec3;
 
-use crate::{bsdf::warp::ONE_MINUS_EPSILON, sampler::Quad, surfaces::Surfaces};
+use crate::{bsdf::warp::ONE_MINUS_EPSILON, density::SolidAnglePdf, sampler::Quad, surfaces::Surfaces};
 use bounds::LightBounds;
 pub(crate) use choice::{Choice, NUMBERS as CHOICE_NUMBERS, RequestedLight};
 pub(crate) use emission::{AimCone, Emission, EmissionPlan, EmittedPhoton};
@@ -273,7 +273,7 @@ impl Lights {
         Some(LightSample { pdf: sample.pdf * pmf, pmf, ..sample })
     }
 
-    /// Samples a point on a given light: `pdf` is the density of the point alone.
+    /// Samples a point on a given light: `pdf` is the density of the direction alone.
     #[inline(always)]
     pub(crate) fn sample_place(&self, surfaces: &Surfaces, light: u32, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
         let sample = match &self.lights[light as usize] {
@@ -287,12 +287,12 @@ impl Lights {
         Some(LightSample { light, visibility: self.visibility_of(light), ..sample })
     }
 
-    /// Returns the density per solid angle with which [`Self::sample_place`] draws the point `p` on a light with extent.
-    pub(crate) fn place_pdf(&self, scene: &Scene, light: u32, from: Vec3, p: Vec3) -> f32 {
+    /// Returns the density with which [`Self::sample_place`] draws the direction to the point `p` on a light with extent.
+    pub(crate) fn place_pdf(&self, scene: &Scene, light: u32, from: Vec3, p: Vec3) -> SolidAnglePdf {
         match &self.lights[light as usize] {
             Light::Surface(surface) => surface.pdf(from, p),
             Light::Sphere(index) => sphere::pdf(&scene.spheres[*index as usize], from, p),
-            Light::Punctual(_) => 0.0,
+            Light::Punctual(_) => SolidAnglePdf::ZERO,
         }
     }
 
@@ -326,7 +326,7 @@ impl Lights {
     ) -> Option<LightSample> {
         let total = self.far_total(receiver);
         let mut rest = u * total;
-        let far = |sun, wi, radiance, pdf: f32, pmf: f32, is_delta, visibility| LightSample {
+        let far = |sun, wi, radiance, pdf: SolidAnglePdf, pmf: f32, is_delta, visibility| LightSample {
             wi,
             distance: f32::INFINITY,
             radiance,
@@ -386,9 +386,9 @@ impl Lights {
         if near > 0.0 { near * self.tree.pmf(receiver, light) } else { 0.0 }
     }
 
-    /// Returns the density per solid angle with which [`Self::sample`] draws the point `p` of a hit on an emitting
+    /// Returns the density with which [`Self::sample`] draws the direction to the point `p` of a hit on an emitting
     /// surface.
-    pub(crate) fn hit_pdf(&self, surfaces: &Surfaces, hit: &Hit, receiver: &Receiver, p: Vec3) -> f32 {
+    pub(crate) fn hit_pdf(&self, surfaces: &Surfaces, hit: &Hit, receiver: &Receiver, p: Vec3) -> SolidAnglePdf {
         self.hit_pdf_by(surfaces, hit, receiver, p, None)
     }
 

@@ -23,6 +23,7 @@ use super::{
 };
 use crate::{
     color::luminance,
+    density::{AreaPdf, SolidAnglePdf},
     flat::{SurfaceLightRecord, code},
     interaction::{emitted, opacity_at},
     sampling::uniform_triangle,
@@ -472,8 +473,10 @@ impl SurfaceLight {
         if !(distance > 0.0 && facing != 0.0 && material.emission_sides.has(facing > 0.0)) {
             return None;
         }
-        let pdf = solid_angle_pdf
-            .unwrap_or_else(|| distance_squared * distance / (facing.abs() * (self.area(double_area) / double_area)));
+        let pdf = solid_angle_pdf.unwrap_or_else(|| {
+            // Projected area and squared distance, both times the distance
+            AreaPdf::uniform(self.projected(facing)).per_solid_angle(distance_squared * distance)
+        });
         let mut radiance = self.radiance_at(scene, place);
         let wi = to_light / distance;
         if material.emission_profile != EmissionProfile::Diffuse {
@@ -513,18 +516,29 @@ impl SurfaceLight {
         radiance
     }
 
-    /// Returns the density per solid angle with which [`Self::sample`] draws the point `p` from `from`.
+    /// Returns the projected area of the light times the distance of a point.
+    ///
+    /// - `facing`: normal · way to the point; the same for the parallelogram of both sides.
     #[inline(always)]
-    pub(super) fn pdf(&self, from: Vec3, p: Vec3) -> f32 {
-        let Self { normal, double_area, .. } = *self;
+    fn projected(&self, facing: f32) -> f32 {
+        facing.abs() * (self.area(self.double_area) / self.double_area)
+    }
+
+    /// Returns the density with which [`Self::sample`] draws the direction from `from` to the point `p`.
+    #[inline(always)]
+    pub(super) fn pdf(&self, from: Vec3, p: Vec3) -> SolidAnglePdf {
         match self.strategy(from) {
             Strategy::Rectangle(spherical) => spherical.pdf(),
             Strategy::Triangle(spherical) => spherical.pdf(),
             Strategy::Area => {
                 let to_light = p - from;
                 let distance_squared = to_light.length_squared();
-                let projected = normal.dot(to_light).abs() * (self.area(double_area) / double_area);
-                if projected > 0.0 { distance_squared * distance_squared.sqrt() / projected } else { 0.0 }
+                let projected = self.projected(self.normal.dot(to_light));
+                if projected > 0.0 {
+                    AreaPdf::uniform(projected).per_solid_angle(distance_squared * distance_squared.sqrt())
+                } else {
+                    SolidAnglePdf::ZERO
+                }
             }
         }
     }
