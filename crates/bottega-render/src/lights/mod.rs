@@ -13,6 +13,7 @@ mod far;
 mod flat;
 mod groups;
 mod moving;
+mod panel;
 mod portal;
 mod posed;
 mod profile;
@@ -41,11 +42,12 @@ use environment::EnvironmentLight;
 pub(crate) use environment::direction_of_square;
 pub(crate) use far::FarLight;
 pub use groups::LightGroups;
+use panel::{Grid, Panel, PanelShape};
 pub(crate) use profile::Profile;
 pub(crate) use sample::{LightSample, NO_LIGHT, Receiver};
 use sun::Sun;
 pub use surface::SOLID_ANGLE_MIN;
-use surface::{Grid, Panel, PanelShape, SurfaceLight};
+use surface::SurfaceLight;
 pub use tree::DISTANCE_SQUARED_MIN;
 use tree::LightTree;
 pub(crate) use tree::{Arc, Segment};
@@ -182,7 +184,7 @@ impl Lights {
                 is_second: i > 0,
                 grid,
             }));
-            let parts = panel.lights(scene, grid).into_iter();
+            let parts = SurfaceLight::of_panel(panel, scene, grid).into_iter();
             self.parts.extend(parts.map(|(light, bounds)| {
                 let bounds = moving::along_panel(surfaces, panel, bounds);
                 collected.push(Light::Surface(light), bounds)
