@@ -10,7 +10,6 @@ mod distribution;
 mod emission;
 mod environment;
 mod far;
-mod flat;
 mod groups;
 mod moving;
 mod panel;
@@ -37,20 +36,19 @@ use glam::Vec3;
 use crate::{bsdf::warp::ONE_MINUS_EPSILON, density::SolidAnglePdf, sampler::Quad, surfaces::Surfaces};
 use bounds::LightBounds;
 pub(crate) use choice::{Choice, NUMBERS as CHOICE_NUMBERS, RequestedLight};
+pub(crate) use distribution::{Bilinear, Cells};
 pub(crate) use emission::{AimCone, Emission, EmissionPlan, EmittedPhoton};
-use environment::EnvironmentLight;
-pub(crate) use environment::direction_of_square;
+pub(crate) use environment::{EnvironmentLight, EnvironmentRows, EnvironmentTable, direction_of_square};
 pub(crate) use far::FarLight;
 pub use groups::LightGroups;
-use panel::{Grid, Panel, PanelShape};
+pub(crate) use panel::{Grid, Panel, PanelPart, PanelShape};
 pub(crate) use profile::Profile;
 pub(crate) use sample::{LightSample, NO_LIGHT, Receiver};
-use sun::Sun;
+pub(crate) use sun::Sun;
 pub use surface::SOLID_ANGLE_MIN;
-use surface::SurfaceLight;
+pub(crate) use surface::SurfaceLight;
 pub use tree::DISTANCE_SQUARED_MIN;
-use tree::LightTree;
-pub(crate) use tree::{Arc, Segment};
+pub(crate) use tree::{Arc, LightNode, LightTree, Segment};
 
 /// Smallest probability of sampling lights at infinity, and of sampling the others, where both exist; their estimates
 /// ignore visibility.
@@ -59,25 +57,25 @@ pub const SHARE_MIN: f32 = 0.1;
 /// All lights of a scene.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Lights {
-    environment: Option<EnvironmentLight>,
+    pub(crate) environment: Option<EnvironmentLight>,
     /// Lights at infinity with a direction.
-    suns: Vec<Sun>,
-    tree: LightTree,
+    pub(crate) suns: Vec<Sun>,
+    pub(crate) tree: LightTree,
     /// Lights by number in the tree.
-    lights: Vec<Light>,
+    pub(crate) lights: Vec<Light>,
     /// Emitting spheres as (index in the scene, number in the tree), ascending; [`NO_LIGHT`] for dark ones.
     spheres: Vec<(u32, u32)>,
     /// Emitting triangles, instance by instance.
-    triangles: Vec<TriangleLight>,
+    pub(crate) triangles: Vec<TriangleLight>,
     /// Numbers in the tree of the parts of all panels; [`NO_LIGHT`] for dark ones.
-    parts: Vec<u32>,
+    pub(crate) parts: Vec<u32>,
     /// Kinds of ray that find the lights of the tree; empty: all that leave an event.
     visibilities: Vec<Visibility>,
 }
 
 /// A light of the tree.
 #[derive(Clone, Copy, Debug)]
-enum Light {
+pub(crate) enum Light {
     /// A light without extent; index into the scene's lights.
     Punctual(u32),
     /// An emitting sphere; index into the scene's spheres.
@@ -87,12 +85,15 @@ enum Light {
 
 /// The light that a triangle belongs to.
 #[derive(Clone, Copy, Debug)]
-struct TriangleLight {
+pub(crate) struct TriangleLight {
     /// Index in [`Lights::parts`] of the first part of its panel.
-    first_part: u32,
-    shape: PanelShape,
-    is_second: bool,
-    grid: Grid,
+    pub(crate) first_part: u32,
+    /// Shape of its panel.
+    pub(crate) shape: PanelShape,
+    /// `true`: the second triangle of a rectangle.
+    pub(crate) is_second: bool,
+    /// Division of its panel.
+    pub(crate) grid: Grid,
 }
 
 /// Lights and their bounds, collected before the tree is built.
@@ -228,7 +229,7 @@ impl Lights {
     }
 
     /// Returns true if there are sampled lights at infinity.
-    fn has_far(&self) -> bool {
+    pub(crate) fn has_far(&self) -> bool {
         !self.suns.is_empty() || self.environment.as_ref().is_some_and(EnvironmentLight::is_sampled)
     }
 

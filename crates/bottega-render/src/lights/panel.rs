@@ -5,8 +5,6 @@
 use bottega_scene::Scene;
 use glam::Vec3;
 
-use crate::flat::code;
-
 /// Tolerance of a rectangle's right angle and of the position of its fourth corner, relative to its sides.
 const RECTANGLE_TOLERANCE: f32 = 1e-4;
 /// Largest number of parts along a side of a textured light.
@@ -18,24 +16,24 @@ const PARTS_PER_MESH: u32 = 1 << 16;
 
 /// A triangle, or two that form a rectangle.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Panel {
+pub(crate) struct Panel {
     /// Index of the instance.
-    pub(super) instance: u32,
+    pub(crate) instance: u32,
     /// Index of the first triangle; the second one of a rectangle follows it.
-    pub(super) triangle: u32,
+    pub(crate) triangle: u32,
     /// Corner in world space, from which the sides `x` and `y` start. The front is where `x` × `y` points.
-    pub(super) corner: Vec3,
-    pub(super) x: Vec3,
-    pub(super) y: Vec3,
+    pub(crate) corner: Vec3,
+    pub(crate) x: Vec3,
+    pub(crate) y: Vec3,
     /// Shape that the sides span.
-    pub(super) shape: PanelShape,
+    pub(crate) shape: PanelShape,
     /// `true`: it moves while the shutter is open; corner and sides are those when it opens.
-    pub(super) moves: bool,
+    pub(crate) moves: bool,
 }
 
 /// The shape that `x` and `y` span.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum PanelShape {
+pub(crate) enum PanelShape {
     /// A triangle; the corner is its vertex 0.
     Triangle,
     /// A rectangle of two triangles. `corner`: vertex of the first triangle that the second one lacks; `opposite`: vertex
@@ -60,18 +58,18 @@ impl PanelShape {
 
 /// A cell of the grid of a panel, or half of one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct PanelPart {
+pub(crate) struct PanelPart {
     /// Position of the corner along the panel's sides, in their lengths.
-    pub(super) s: f32,
-    pub(super) t: f32,
+    pub(crate) s: f32,
+    pub(crate) t: f32,
     /// Length of the part's sides, in those of the panel; negative for a triangle rotated by half a turn.
-    pub(super) size: f32,
+    pub(crate) size: f32,
 }
 
 /// The division of a panel into parts: a grid with this many cells per side. Rectangles have one part per cell, triangles
 /// two, except one in the last cell of each row.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Grid(u32);
+pub(crate) struct Grid(u32);
 
 impl Panel {
     /// Returns the panels of an instance's mesh, in the order of its triangles. What moves has triangles only, as a
@@ -175,18 +173,6 @@ impl Panel {
     }
 }
 
-impl PanelShape {
-    /// Returns the shape's code, see [`code::PANEL_TRIANGLE`].
-    pub(super) fn code(self) -> u32 {
-        match self {
-            Self::Triangle => code::PANEL_TRIANGLE,
-            Self::Rectangle { corner, opposite } => {
-                code::PANEL_RECTANGLE | u32::from(corner) | u32::from(opposite) << code::PANEL_OPPOSITE_SHIFT
-            }
-        }
-    }
-}
-
 impl Grid {
     /// Returns the grid that a part belongs to.
     pub(super) fn of_part(part: PanelPart) -> Self {
@@ -194,7 +180,7 @@ impl Grid {
     }
 
     /// Returns the number of cells per side.
-    pub(super) fn side(self) -> u32 {
+    pub(crate) fn side(self) -> u32 {
         self.0
     }
 

@@ -21,13 +21,13 @@ const PARALLEL: f32 = 1e-5;
 
 /// A light at infinity with a direction.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sun {
+pub(crate) struct Sun {
     /// Direction to the sun's centre, unit length.
-    pub(super) to_light: Vec3,
+    pub(crate) to_light: Vec3,
     /// Irradiance of a surface that faces it.
-    pub(super) irradiance: Spectrum,
+    pub(crate) irradiance: Spectrum,
     /// Luminance of the irradiance.
-    pub(super) illuminance: f32,
+    pub(crate) illuminance: f32,
     /// Sine of half its angular diameter; 0: parallel light.
     sine: f32,
     /// 1 − cos of half its angular diameter, without cancellation.

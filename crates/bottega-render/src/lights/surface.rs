@@ -25,7 +25,6 @@ use super::{
 use crate::{
     color::luminance,
     density::{AreaPdf, SolidAnglePdf},
-    flat::{SurfaceLightRecord, code},
     interaction::{emitted, opacity_at},
     sampling::uniform_triangle,
     surfaces::Surfaces,
@@ -37,7 +36,7 @@ pub const SOLID_ANGLE_MIN: f32 = 0.25;
 
 /// A panel or a part of one, as a light.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SurfaceLight {
+pub(crate) struct SurfaceLight {
     panel: Panel,
     material: u32,
     /// Corner of the part along the panel's sides, and its size; negative for a triangle rotated by half a turn.
@@ -89,13 +88,14 @@ impl SurfaceLight {
         }
     }
 
-    /// Returns the record of the light: instance, triangle, shape, corner and sides of the panel, position and size of
-    /// the part, material.
-    pub(super) fn record(&self) -> SurfaceLightRecord {
-        let Panel { instance, triangle, corner, x, y, shape, .. } = self.panel;
-        let (shape, part) = (shape.code(), Vec3::new(self.part.s, self.part.t, self.part.size));
-        let material = self.material;
-        SurfaceLightRecord { kind: code::LIGHT_SURFACE, instance, triangle, shape, corner, x, y, part, material }
+    /// Returns the panel.
+    pub(crate) fn panel(&self) -> &Panel {
+        &self.panel
+    }
+
+    /// Returns the part of the panel that is the light.
+    pub(crate) fn part(&self) -> PanelPart {
+        self.part
     }
 
     /// Returns the index of the instance.
@@ -118,7 +118,7 @@ impl SurfaceLight {
     }
 
     /// Returns the index of the material.
-    pub(super) fn material(&self) -> u32 {
+    pub(crate) fn material(&self) -> u32 {
         self.material
     }
 
