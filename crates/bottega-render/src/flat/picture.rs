@@ -8,7 +8,6 @@ use crate::{
     camera::{CameraRays, ProjectionKind},
     error::RenderError,
     filter::{Filter, FilterSampler, FilterShape},
-    prepare::PreparedScene,
     sampler,
     settings::View,
 };
@@ -25,14 +24,13 @@ impl FlatPicture {
     /// Writes a picture.
     ///
     /// # Errors
-    /// The camera does not exist, or the picture has no pixels.
-    pub fn new(prepared: &PreparedScene, view: View, filter: Filter) -> Result<Self, RenderError> {
-        let camera = prepared.camera(view.camera).ok_or_else(|| prepared.no_camera(view.camera))?;
+    /// The picture has no pixels.
+    pub fn new(view: &View, filter: Filter) -> Result<Self, RenderError> {
         if view.width == 0 || view.height == 0 {
             return Err(RenderError::EmptyPicture { width: view.width, height: view.height });
         }
         let mut words = WordBuffer::default();
-        words.record(&camera_record(&CameraRays::new(&camera, view.width, view.height)));
+        words.record(&camera_record(&CameraRays::new(&view.camera, view.width, view.height)));
         write_filter(&FilterSampler::new(filter), &mut words);
         Ok(Self { words: words.into_inner().0 })
     }
