@@ -12,28 +12,29 @@ use bottega_render::{PathSettings, PreparedScene, Prepass, View};
 
 use crate::error::Error;
 
-/// Renders a whole image as one zone.
+/// Renders a whole image of the scene's first camera as one zone.
 pub(crate) fn paint_zone(
     (scene, prepass): (&Arc<PreparedScene>, &Arc<Prepass>),
-    view: View,
+    size: (u32, u32),
     settings: PathSettings,
     threads: usize,
     spp: u32,
 ) -> Result<(Tile, Duration), Error> {
+    let view = View::of_scene(scene.scene(), 0, size.0, size.1)?;
     let options = BuiltinOptions { view, settings, layout: Layout::new(AovSet::NONE), threads, wavefront: false };
     let engine = BuiltinEngine::with_prepass(Arc::clone(scene), Arc::clone(prepass), options, Devices::default());
-    paint_zone_with(&engine, view, settings, spp)
+    paint_zone_with(&engine, size, settings, spp)
 }
 
 /// Renders a whole image as one zone, with an existing engine.
 pub(crate) fn paint_zone_with(
     engine: &BuiltinEngine,
-    view: View,
+    (width, height): (u32, u32),
     settings: PathSettings,
     spp: u32,
 ) -> Result<(Tile, Duration), Error> {
     let tunables = Tunables { max_depth: settings.max_depth, light_samples: settings.light_samples };
-    paint_samples(engine, Rect::of_size(view.width, view.height), tunables, 0..spp, None)
+    paint_samples(engine, Rect::of_size(width, height), tunables, 0..spp, None)
 }
 
 /// Renders samples of all pixels of a rectangle. Returns the sums and the time that they took.

@@ -20,7 +20,7 @@ use std::{
 use bottega::{devices::processors, request::GuideChoice, settings::whole_guide};
 use bottega_image::{Film, Picture, USUAL_TRIM, firefly_count, read_picture, rel_mse_trimmed, srgb_mse};
 use bottega_platform::processor_time::own_seconds;
-use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene, View};
+use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene};
 use clap::Args;
 use serde_json::Value;
 
@@ -240,7 +240,7 @@ fn paint_ours(
     // Prepare again each time: learning the light distribution is part of an image's time.
     let options = PrepareOptions { threads, ..PrepareOptions::default() };
     let prepared = Arc::new(PreparedScene::new(Arc::new(scene.scene.clone()), &options)?);
-    let view = View { camera: 0, width: scene.width, height: scene.height };
+    let size = (scene.width, scene.height);
     let settings = PathSettings {
         seed,
         max_depth: scene.max_bounces + 1,
@@ -250,7 +250,7 @@ fn paint_ours(
         agents,
         ..PathSettings::default()
     };
-    let (tile, time) = paint_zone((&prepared, &Arc::default()), view, settings, threads, spp)?;
+    let (tile, time) = paint_zone((&prepared, &Arc::default()), size, settings, threads, spp)?;
     let mut film = Film::new(tile.rect(), tile.layout().clone());
     film.add_tile(&tile, |_, _| 1.0);
     Ok((film.to_picture(), time))

@@ -17,7 +17,7 @@ use std::{
 use bottega_hra::{HraClient, HraReport, LifeTime};
 use bottega_image::{Picture, Tile};
 use bottega_render::{
-    AgentUse, LightGroups, PreparedScene, Prepass, RenderWork, View,
+    AgentUse, LightGroups, PreparedScene, Prepass, RenderWork,
     ala::AgentReport,
     integrator::{PathIntegrator, learn_together},
     photon::{MapBytes, cast_photons},
@@ -178,22 +178,22 @@ impl BuiltinEngine {
         cancel: &CancelSwitch,
     ) -> Result<Option<Picture>, EngineError> {
         let Shared { scene, options, .. } = &*self.shared;
-        let view = View { camera: options.view.camera, width, height };
+        let view = options.view.sized(width, height);
         let glimpse_options = GlimpseOptions { max_depth: options.settings.max_depth, samples };
-        glimpse(scene, view, glimpse_options, &self.client(self.urgency.first_look()), &|| cancel.is_cancelled())
+        glimpse(scene, &view, glimpse_options, &self.client(self.urgency.first_look()), &|| cancel.is_cancelled())
             .map_err(|error| EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() })
     }
 
     /// Returns statistics of the picture's lighting agents, if it has any.
     pub fn lighting_agents(&self) -> Option<AgentReport> {
         let Shared { scene, prepass, options: BuiltinOptions { view, settings, .. }, .. } = &*self.shared;
-        prepass.lighting_agents(scene, *view, settings.photons?, settings.seed)
+        prepass.lighting_agents(scene, view, settings.photons?, settings.seed)
     }
 
     /// Returns the memory of the photon maps so far, in bytes.
     pub fn map_bytes(&self) -> MapBytes {
         let Shared { scene, prepass, options: BuiltinOptions { view, settings, .. }, .. } = &*self.shared;
-        let bytes = |photons| prepass.map_bytes(scene, *view, photons, settings.seed);
+        let bytes = |photons| prepass.map_bytes(scene, view, photons, settings.seed);
         settings.photons.map_or_else(MapBytes::default, bytes)
     }
 
@@ -205,7 +205,7 @@ impl BuiltinEngine {
     fn prepared(&self, others: Option<&dyn Sharing>) -> Result<(), EngineError> {
         // Use the user's settings: all zones learn from this, also those with lowered settings.
         let Shared { scene, prepass, options, .. } = &*self.shared;
-        let (view, settings) = (options.view, &options.settings);
+        let (view, settings) = (&options.view, &options.settings);
         let prepared = match (settings.photons, others) {
             (None, None) => PathIntegrator::new(scene, prepass, view, settings).map(|_| ()),
             (None, Some(others)) => learn_together(scene, prepass, view, settings, others),
@@ -228,9 +228,9 @@ impl RenderEngine for BuiltinEngine {
     }
 
     fn survey(&self, width: u32, height: u32) -> Result<Survey, EngineError> {
-        let view = View { camera: self.shared.options.view.camera, width, height };
+        let view = self.shared.options.view.sized(width, height);
         let max_depth = self.shared.options.settings.max_depth;
-        bottega_render::survey(&self.shared.scene, view, max_depth, &self.client(self.urgency.first_look()))
+        bottega_render::survey(&self.shared.scene, &view, max_depth, &self.client(self.urgency.first_look()))
             .map_err(|error| EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() })
     }
 
@@ -244,12 +244,12 @@ impl RenderEngine for BuiltinEngine {
 
     fn learnt(&self) -> Option<Vec<u8>> {
         let Shared { scene, prepass, options, .. } = &*self.shared;
-        prepass.learnt(scene, options.view, &options.settings)
+        prepass.learnt(scene, &options.view, &options.settings)
     }
 
     fn learn_from(&self, bytes: &[u8]) -> Result<(), EngineError> {
         let Shared { scene, prepass, options, .. } = &*self.shared;
-        let learnt = prepass.learn_from(scene, options.view, &options.settings, bytes);
+        let learnt = prepass.learn_from(scene, &options.view, &options.settings, bytes);
         learnt.map_err(|error| EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() })
     }
 

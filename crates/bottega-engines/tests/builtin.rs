@@ -39,7 +39,7 @@ fn scene() -> Scene {
 fn engine(threads: usize) -> BuiltinEngine {
     let scene = PreparedScene::new(Arc::new(scene()), &PrepareOptions::default()).expect("a scene");
     let options = BuiltinOptions {
-        view: View { camera: 0, width: FRAME.x1, height: FRAME.y1 },
+        view: View::of_scene(scene.scene(), 0, FRAME.x1, FRAME.y1).expect("a camera"),
         settings: PathSettings::default(),
         layout: Layout::new(AovSet::NONE.with(Aov::Normal)),
         threads,

@@ -34,7 +34,7 @@ fn scene() -> Arc<PreparedScene> {
 
 fn engine(scene: &Arc<PreparedScene>, resources: &Arc<Resources>, urgency: Urgency) -> BuiltinEngine {
     let options = BuiltinOptions {
-        view: View { camera: 0, width: SIDE, height: SIDE },
+        view: View::of_scene(scene.scene(), 0, SIDE, SIDE).expect("a camera"),
         settings: PathSettings::default(),
         layout: Layout::new(AovSet::NONE),
         threads: 1,

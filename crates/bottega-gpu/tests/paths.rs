@@ -73,7 +73,7 @@ fn a_processor_and_a_device_paint_one_picture() {
     let block = |rect| BlockWork {
         scene: Arc::clone(&scene),
         prepass: Arc::default(),
-        view: View { camera: 0, width: SIDE, height: SIDE },
+        view: View::of_scene(scene.scene(), 0, SIDE, SIDE).unwrap(),
         settings: Arc::clone(&settings),
         tile: Tile::new(rect, layout.clone()),
         samples: 0..16,

@@ -55,7 +55,7 @@ fn paint(path: &Path, options: &PathOptions) -> Result<Pair, GpuError> {
     let block = BlockWork {
         scene: Arc::clone(&scene),
         prepass: Arc::default(),
-        view: View { camera: 0, width: WIDTH, height: HEIGHT },
+        view: View::of_scene(scene.scene(), 0, WIDTH, HEIGHT).expect("a camera"),
         settings: Arc::new(settings),
         tile: Tile::new(frame, Layout::new(AovSet::NONE)),
         samples: 0..SAMPLES,

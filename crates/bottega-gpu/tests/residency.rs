@@ -49,7 +49,7 @@ fn work(scene: &Arc<PreparedScene>, rect: Rect) -> RenderWork {
     RenderWork::Block(BlockWork {
         scene: Arc::clone(scene),
         prepass: Arc::default(),
-        view: View { camera: 0, width: SIDE, height: SIDE },
+        view: View::of_scene(scene.scene(), 0, SIDE, SIDE).unwrap(),
         settings: Arc::new(PathSettings { guiding: false, max_depth: 4, ..PathSettings::default() }),
         tile: Tile::new(rect, Layout::new(AovSet::NONE)),
         samples: 0..4,

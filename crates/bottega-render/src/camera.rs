@@ -6,7 +6,7 @@ mod panorama;
 
 use bottega_kernels::{MovingTransform, math};
 use bottega_scene::{Aperture, Camera, Clip, LensSystem, Panorama, Projection};
-use glam::{Affine3A, Mat3, Vec2, Vec3};
+use glam::{Affine3A, Vec2, Vec3};
 use std::{f32::consts::PI, sync::Arc};
 
 use self::{
@@ -14,7 +14,6 @@ use self::{
     opening::LensOpening,
     panorama::{Fisheye, direction_of_panorama},
 };
-use crate::flat::{CameraRecord, code};
 
 /// The width of a path's beam, which limits the detail that it can resolve; after Akenine-Möller et al. 2021, *Improved
 /// Shader and Texture Level of Detail Using Ray Cones*.
@@ -59,34 +58,44 @@ pub struct CameraRay {
 /// A generator of camera rays for one camera and one picture size.
 #[derive(Clone, Debug)]
 pub struct CameraRays {
-    world_from_camera: Affine3A,
+    /// Transformation from camera to world space.
+    pub(crate) world_from_camera: Affine3A,
     /// Half the picture's width and height: at distance 1 for a perspective, in scene units for a parallel projection.
-    half_extent: Vec2,
+    pub(crate) half_extent: Vec2,
     /// Position of the axis in the picture, in halves of its width and height.
-    lens_shift: Vec2,
+    pub(crate) lens_shift: Vec2,
     /// Two over the picture's size in pixels.
-    double_pixel: Vec2,
-    kind: ProjectionKind,
+    pub(crate) double_pixel: Vec2,
+    pub(crate) kind: ProjectionKind,
     /// The lenses of [`ProjectionKind::Lenses`].
     lenses: Option<LensSystem>,
     /// The eyes of a stereo picture.
     eyes: Option<Eyes>,
     lens: LensOpening,
-    lens_radius: f32,
-    focus_distance: f32,
-    cone: RayCone,
-    clip: Clip,
+    /// Radius of the lens, in scene units; 0: a pinhole.
+    pub(crate) lens_radius: f32,
+    /// Distance of the plane in focus, in scene units.
+    pub(crate) focus_distance: f32,
+    /// Ray cone at the camera.
+    pub(crate) cone: RayCone,
+    /// Distances of the near and the far plane.
+    pub(crate) clip: Clip,
     /// The path of the camera while the shutter is open; `None`: it stands still.
-    motion: Option<Arc<MovingTransform>>,
+    pub(crate) motion: Option<Arc<MovingTransform>>,
 }
 
 /// The kind of projection.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum ProjectionKind {
+pub(crate) enum ProjectionKind {
+    /// Rays from a point.
     Perspective,
+    /// Parallel rays.
     Parallel,
+    /// Rays through a system of lenses.
     Lenses,
+    /// Rays from a point, in a circle.
     Fisheye(Fisheye),
+    /// Rays in all directions from a point.
     Panorama(Panorama),
 }
 
@@ -155,32 +164,6 @@ impl CameraRays {
     /// Returns these rays for a camera that moves.
     pub(crate) fn moving(self, motion: Option<MovingTransform>) -> Self {
         Self { motion: motion.map(Arc::new), ..self }
-    }
-
-    /// Returns the record of the camera, see [`FlatPicture`](crate::flat::FlatPicture).
-    pub(crate) fn record(&self) -> CameraRecord {
-        CameraRecord {
-            world_from_camera: Mat3::from(self.world_from_camera.matrix3),
-            position: self.world_from_camera.translation.into(),
-            half_extent: self.half_extent,
-            shift: self.lens_shift,
-            double_pixel: self.double_pixel,
-            kind: match self.kind {
-                // Devices decline fisheyes, lenses and cubes, see `is_for_devices`
-                ProjectionKind::Perspective | ProjectionKind::Lenses | ProjectionKind::Fisheye(_) => {
-                    code::CAMERA_PERSPECTIVE
-                }
-                ProjectionKind::Parallel => code::CAMERA_PARALLEL,
-                ProjectionKind::Panorama(Panorama::Equirectangular) => code::CAMERA_EQUIRECTANGULAR,
-                ProjectionKind::Panorama(Panorama::EqualArea | Panorama::Cube) => code::CAMERA_EQUAL_AREA,
-            },
-            lens_radius: self.lens_radius,
-            focus: self.focus_distance,
-            cone_width: self.cone.width,
-            cone_spread: self.cone.spread,
-            near: self.clip.near,
-            far: self.clip.far.min(f32::MAX),
-        }
     }
 
     /// Returns the ray through a position of the picture.

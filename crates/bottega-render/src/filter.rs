@@ -8,8 +8,6 @@ use std::sync::LazyLock;
 
 pub use bottega_scene::FilmFilter as Filter;
 
-use crate::flat::{FilterRecord, NONE, Portable as _, WordBuffer};
-
 fn radius(filter: Filter) -> f32 {
     match filter {
         Filter::Box { radius }
@@ -52,12 +50,12 @@ pub const INTERVALS: usize = 512;
 /// Quantiles of the absolute value of a filter of radius 1: offsets at probabilities i / INTERVALS. The density between
 /// them is constant.
 #[derive(Clone, Debug)]
-struct QuantileTable {
-    quantiles: [f32; INTERVALS + 1],
+pub(crate) struct QuantileTable {
+    pub(crate) quantiles: [f32; INTERVALS + 1],
     /// Integral of the absolute value over the integral; 1 for a filter that is nowhere negative.
-    excess: f32,
+    pub(crate) excess: f32,
     /// Offset beyond which the filter is negative; 1 or more: nowhere.
-    sign_change: f32,
+    pub(crate) sign_change: f32,
 }
 
 static TENT: LazyLock<QuantileTable> = LazyLock::new(|| table(Filter::Tent { radius: 1.0 }));
@@ -66,14 +64,19 @@ static BLACKMAN_HARRIS: LazyLock<QuantileTable> = LazyLock::new(|| table(Filter:
 /// Samples offsets from a pixel's centre by the density of a filter.
 #[derive(Clone, Debug)]
 pub struct FilterSampler {
-    radius: f32,
-    shape: FilterShape,
+    /// Radius in pixels.
+    pub(crate) radius: f32,
+    pub(crate) shape: FilterShape,
 }
 
+/// The density of a filter, for a radius of 1.
 #[derive(Clone, Debug)]
-enum FilterShape {
+pub(crate) enum FilterShape {
+    /// The same everywhere.
     Uniform,
+    /// A table for all filters of its kind.
     Shared(&'static QuantileTable),
+    /// A table for the parameters of this filter.
     Own(Box<QuantileTable>),
 }
 
@@ -96,24 +99,6 @@ impl FilterSampler {
             _ => return Self { radius: 0.5, shape: FilterShape::Uniform },
         };
         Self { radius, shape }
-    }
-
-    /// Writes the filter, see [`FlatPicture`](crate::flat::FlatPicture).
-    pub(crate) fn write(&self, words: &mut WordBuffer) {
-        let radius = self.radius;
-        let table = match &self.shape {
-            FilterShape::Uniform => {
-                let uniform = FilterRecord { radius, quantiles: NONE, factor: 1.0, sign_change: f32::MAX };
-                words.record(&uniform);
-                return;
-            }
-            FilterShape::Shared(table) => table,
-            FilterShape::Own(table) => &**table,
-        };
-        let (factor, sign_change) = (table.excess, table.sign_change.min(f32::MAX));
-        let quantiles = words.place() + FilterRecord::WORDS;
-        words.record(&FilterRecord { radius, quantiles, factor, sign_change });
-        words.numbers(&table.quantiles);
     }
 
     /// Draws an offset from the pixel's centre, in pixels, from two random numbers in [0, 1); returns it with the weight

@@ -5,9 +5,13 @@
 //! [`FlatScene`] starts with the offsets of [`header`]. Each record is declared once, by [`record!`](crate::record), for
 //! writers and readers. Materials and pictures are not included: the reader stores them in its own form, and writes its
 //! handles of pictures to the offsets in [`FlatScene::pictures`].
+//!
+//! The records are written here alone: lights, cameras and filters do not know their flat form.
 
+mod environment;
 mod geometry;
 mod layout;
+mod lights;
 mod picture;
 mod record;
 mod word_buffer;
@@ -24,7 +28,7 @@ pub use layout::{
 };
 pub use picture::{FlatPicture, sobol_table};
 pub use record::{FieldPlace, Portable, Record, place_of, places};
-pub(crate) use word_buffer::WordBuffer;
+use word_buffer::WordBuffer;
 
 /// Constants of light transport that GPU shaders share; each is documented where it is declared.
 pub mod constants {
@@ -150,7 +154,7 @@ impl FlatScene {
         }
         let mut words = WordBuffer::with_header(header::COUNT);
         geometry::write(prepared, &mut words);
-        prepared.lights().write(prepared.scene(), &mut words);
+        lights::write(prepared.lights(), prepared.scene(), &mut words);
         let (words, pictures) = words.into_inner();
         Ok(Self { words, pictures, has_opacity: prepared.has_opacity() })
     }

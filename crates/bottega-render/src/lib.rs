@@ -10,6 +10,7 @@
 //! | prepared scenes: surfaces, everything | `src/surfaces.rs`, `src/prepare.rs` |
 //! | prepass of a picture | `src/prepass.rs` |
 //! | luminance | `src/color.rs` |
+//! | densities of light sampling, by solid angle and by area | `src/density.rs` |
 //! | quasi-random numbers | `src/sampler.rs`, `src/sampler/sobol.rs` |
 //! | BSDFs; the BSDF at a point | `src/bsdf/`, `src/shading.rs` |
 //! | light below surfaces: the medium inside, the walk | `src/bsdf/subsurface.rs`, `src/integrator/volume/subsurface.rs` |
@@ -48,6 +49,7 @@ pub mod sampler;
 pub mod survey;
 
 mod color;
+mod density;
 mod error;
 mod extent;
 mod guide;

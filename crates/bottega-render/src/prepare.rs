@@ -3,14 +3,14 @@
 use std::{
     ops::Deref,
     sync::{
-        Arc, OnceLock, PoisonError, RwLock,
+        Arc, OnceLock,
         atomic::{AtomicU64, Ordering},
     },
 };
 
 use bottega_hra::DataId;
 use bottega_kernels::{Accel, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
-use bottega_scene::{Camera, Instance, MediumId, Mesh, Scene, Sphere, Visibility};
+use bottega_scene::{Instance, MediumId, Mesh, Scene, Sphere, Visibility};
 
 use crate::{
     error::RenderError,
@@ -41,13 +41,10 @@ impl Default for PrepareOptions {
     }
 }
 
-/// A scene with its acceleration structure and light tables. Immutable and shared by all who render it, except that
-/// cameras can be added ([`Self::add_camera`]) and removed. Data learnt before a picture is in a
-/// [`Prepass`](crate::prepass::Prepass).
+/// A scene with its acceleration structure and light tables. Immutable and shared by all who render it. The camera of a
+/// picture is in its [`View`], and data learnt before a picture in a [`Prepass`](crate::prepass::Prepass).
 pub struct PreparedScene {
     surfaces: Surfaces,
-    /// Cameras of the scene, then added ones. A removed camera leaves `None`, so that numbers are not reused.
-    cameras: RwLock<Vec<Option<Arc<Camera>>>>,
     accel: Arc<Accel>,
     /// Majorants of the media that vary in space; `None` for the others.
     majorants: Vec<Option<Majorants>>,
@@ -106,10 +103,8 @@ impl PreparedScene {
         let majorants = majorants.collect();
         static NEXT_ID: AtomicU64 = AtomicU64::new(0);
         let id = DataId(NEXT_ID.fetch_add(1, Ordering::Relaxed));
-        let cameras = RwLock::new(scene.cameras.iter().cloned().map(Arc::new).map(Some).collect());
         Self {
             surfaces,
-            cameras,
             accel: accel.into(),
             majorants,
             lights,
@@ -130,34 +125,6 @@ impl PreparedScene {
         self.identities.get_or_init(|| Identities::new(self.scene()))
     }
 
-    /// Returns a camera by its number: the scene's cameras come first, then the added ones. `None`: no such camera.
-    pub fn camera(&self, number: usize) -> Option<Arc<Camera>> {
-        self.cameras.read().unwrap_or_else(PoisonError::into_inner).get(number).cloned().flatten()
-    }
-
-    /// Adds a camera without preparing anything again. Returns its number.
-    ///
-    /// - `camera`: may differ from the scene's cameras in position, lens and angle; its medium and
-    ///   [`hides_emitters`](Camera::hides_emitters) must equal those of one of the scene's.
-    pub fn add_camera(&self, camera: Camera) -> usize {
-        let mut cameras = self.cameras.write().unwrap_or_else(PoisonError::into_inner);
-        cameras.push(Some(Arc::new(camera)));
-        cameras.len() - 1
-    }
-
-    /// Removes an added camera; the scene's own ones stay. It must not be used any more.
-    pub fn remove_camera(&self, number: usize) {
-        let mut cameras = self.cameras.write().unwrap_or_else(PoisonError::into_inner);
-        if let Some(added) = cameras.get_mut(number).filter(|_| number >= self.scene().cameras.len()) {
-            *added = None;
-        }
-    }
-
-    /// Returns the error for a number without a camera.
-    pub(crate) fn no_camera(&self, index: usize) -> RenderError {
-        RenderError::NoCamera { index, count: self.cameras.read().unwrap_or_else(PoisonError::into_inner).len() }
-    }
-
     /// Returns the acceleration structure.
     #[inline(always)]
     pub fn accel(&self) -> &Accel {
@@ -169,7 +136,7 @@ impl PreparedScene {
         Arc::clone(&self.accel)
     }
 
-    /// Returns the scene as it was imported, shared. Prepared scenes that share it differ only in their added cameras.
+    /// Returns the scene as it was imported, shared.
     pub fn shared_scene(&self) -> Arc<Scene> {
         Arc::clone(self.surfaces.scene())
     }
@@ -265,13 +232,13 @@ impl PreparedScene {
 
     /// Returns true if paths of a view can learn in a prepass: it has enough pixels and samples, no media, no
     /// panes, no motion, and no part that is visible to some kinds of rays only.
-    pub fn can_learn(&self, view: View, planned_samples: u32) -> bool {
+    pub fn can_learn(&self, view: &View, planned_samples: u32) -> bool {
         /// Smallest number of pixels: fewer give too few paths to learn from, and a poor guide adds noise.
         const PIXELS_MIN: u64 = 128 * 128;
         /// Smallest number of samples: below, learning costs more than it saves
         /// (`bench/runs/2026-11-25-negative-light.txt`).
         const SAMPLES_MIN: u64 = 1 << 19;
-        let pixels = u64::from(view.width) * u64::from(view.height);
+        let pixels = view.pixel_count();
         let is_large = pixels >= PIXELS_MIN && pixels * u64::from(planned_samples) >= SAMPLES_MIN;
         is_large && !self.needs_volume && !self.has_panes && !self.tells_bounces_apart && !self.moves()
     }

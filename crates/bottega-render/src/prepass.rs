@@ -24,8 +24,8 @@ pub struct Prepass {
 /// The key of a guide: view, samples per pixel, uses of agents, and if paths are guided.
 type GuideKey = (View, u32, AgentUse, bool);
 
-fn guide_key(view: View, settings: &PathSettings) -> GuideKey {
-    (view, settings.planned_samples, settings.agents, settings.guiding)
+fn guide_key(view: &View, settings: &PathSettings) -> GuideKey {
+    (view.clone(), settings.planned_samples, settings.agents, settings.guiding)
 }
 
 /// A guide, filled by its first user while others wait.
@@ -40,7 +40,7 @@ impl Prepass {
     }
 
     /// Returns the plan of photons and agents for a view; the first call computes it.
-    pub(crate) fn photon_plan(&self, prepared: &PreparedScene, view: View) -> Arc<PhotonPlan> {
+    pub(crate) fn photon_plan(&self, prepared: &PreparedScene, view: &View) -> Arc<PhotonPlan> {
         self.photon_plans.of_view(prepared, view)
     }
 
@@ -48,7 +48,7 @@ impl Prepass {
     pub(crate) fn passes(
         &self,
         prepared: &PreparedScene,
-        view: View,
+        view: &View,
         photons: PhotonSettings,
         seed: u64,
         pass_count: u32,
@@ -60,7 +60,7 @@ impl Prepass {
     pub fn lighting_agents(
         &self,
         prepared: &PreparedScene,
-        view: View,
+        view: &View,
         photons: PhotonSettings,
         seed: u64,
     ) -> Option<AgentReport> {
@@ -71,24 +71,24 @@ impl Prepass {
     }
 
     /// Returns the memory of the photon maps of a picture, in bytes.
-    pub fn map_bytes(&self, prepared: &PreparedScene, view: View, photons: PhotonSettings, seed: u64) -> MapBytes {
+    pub fn map_bytes(&self, prepared: &PreparedScene, view: &View, photons: PhotonSettings, seed: u64) -> MapBytes {
         self.passes(prepared, view, photons, seed, 1).bytes()
     }
 
     /// Returns the guide of a view for the planned number of samples per pixel. The first caller computes it by `learn`;
     /// others wait.
-    pub(crate) fn guide(&self, view: View, settings: &PathSettings, learn: impl FnOnce() -> Guide) -> Arc<Guide> {
+    pub(crate) fn guide(&self, view: &View, settings: &PathSettings, learn: impl FnOnce() -> Guide) -> Arc<Guide> {
         Arc::clone(self.guide_place(guide_key(view, settings)).get_or_init(|| Arc::new(learn())))
     }
 
     /// Returns true if the guide exists.
-    pub(crate) fn has_guide(&self, view: View, settings: &PathSettings) -> bool {
+    pub(crate) fn has_guide(&self, view: &View, settings: &PathSettings) -> bool {
         self.guide_place(guide_key(view, settings)).get().is_some()
     }
 
     /// Serializes the data learnt for a view and settings, for other machines that render the same; `None`: nothing is
     /// learnt yet.
-    pub fn learnt(&self, prepared: &PreparedScene, view: View, settings: &PathSettings) -> Option<Vec<u8>> {
+    pub fn learnt(&self, prepared: &PreparedScene, view: &View, settings: &PathSettings) -> Option<Vec<u8>> {
         match settings.photons {
             None => Some(self.guide_place(guide_key(view, settings)).get()?.to_bytes()),
             Some(photons) => self.passes(prepared, view, photons, settings.seed, 1).to_bytes(),
@@ -103,7 +103,7 @@ impl Prepass {
     pub fn learn_from(
         &self,
         prepared: &PreparedScene,
-        view: View,
+        view: &View,
         settings: &PathSettings,
         bytes: &[u8],
     ) -> Result<(), UnreadGuide> {

@@ -1,16 +1,47 @@
 //! Settings of a picture: view, path tracing, photon mapping, lighting agents.
 
-use crate::filter::Filter;
+use std::sync::Arc;
 
-/// A camera and a size: the view that a picture shows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+use bottega_scene::{Camera, Scene};
+
+use crate::{error::RenderError, filter::Filter};
+
+/// A camera and a size: the view that a picture shows. It travels beside the prepared scene, which knows no cameras but
+/// those of its file.
+#[derive(Clone, Debug, PartialEq)]
 pub struct View {
-    /// Index into [`Scene::cameras`](bottega_scene::Scene::cameras).
-    pub camera: usize,
+    /// The camera. It may differ from the scene's cameras in position, lens and angle; its medium and
+    /// [`hides_emitters`](Camera::hides_emitters) must equal those of one of the scene's.
+    pub camera: Arc<Camera>,
     /// Width of the whole picture in pixels.
     pub width: u32,
     /// Height of the whole picture in pixels.
     pub height: u32,
+}
+
+impl View {
+    /// Returns the view of a camera of the scene.
+    ///
+    /// - `index`: index into [`Scene::cameras`].
+    ///
+    /// # Errors
+    /// [`RenderError::NoCamera`].
+    pub fn of_scene(scene: &Scene, index: usize, width: u32, height: u32) -> Result<Self, RenderError> {
+        let count = scene.cameras.len();
+        let camera = scene.cameras.get(index).ok_or(RenderError::NoCamera { index, count })?;
+        Ok(Self { camera: Arc::new(camera.clone()), width, height })
+    }
+
+    /// Returns the same view in another size.
+    #[must_use]
+    pub fn sized(&self, width: u32, height: u32) -> Self {
+        Self { camera: Arc::clone(&self.camera), width, height }
+    }
+
+    /// Returns the number of pixels of the whole picture.
+    pub(crate) fn pixel_count(&self) -> u64 {
+        u64::from(self.width) * u64::from(self.height)
+    }
 }
 
 /// The strategies that find direct light. All have the same mean, so the single ones serve to test the combination.

@@ -54,8 +54,8 @@ impl SpeedProbe {
     /// # Errors
     /// Those of rendering any picture; none are expected.
     pub fn paint(&self) -> Result<f32, RenderError> {
-        let view = View { camera: 0, width: SIDE, height: SIDE };
-        let pixels = probe(&self.scene, view, &self.settings, Rect::of_size(SIDE, SIDE), SAMPLES)?;
+        let view = View::of_scene(self.scene.scene(), 0, SIDE, SIDE)?;
+        let pixels = probe(&self.scene, &view, &self.settings, Rect::of_size(SIDE, SIDE), SAMPLES)?;
         let sum: f32 = pixels.iter().map(|pixel| crate::color::luminance(Vec3::from(pixel.color))).sum();
         Ok(sum / pixels.len() as f32)
     }

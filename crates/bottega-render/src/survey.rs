@@ -71,7 +71,7 @@ pub struct Survey {
 /// The scene has no such camera, the view has no pixels, or the allocator does not do the work.
 pub fn survey(
     scene: &Arc<PreparedScene>,
-    view: View,
+    view: &View,
     max_depth: u32,
     client: &HraClient<RenderWork>,
 ) -> Result<Survey, RenderError> {
@@ -103,7 +103,7 @@ fn take_in(pixels: &mut [SurveyPixel], whole: Rect, block: Rect, seen: &[SurveyP
 
 fn probe_all(
     scene: &Arc<PreparedScene>,
-    view: View,
+    view: &View,
     settings: &Arc<PathSettings>,
     client: &HraClient<RenderWork>,
 ) -> Result<Vec<SurveyPixel>, RenderError> {
@@ -111,7 +111,7 @@ fn probe_all(
     let blocks: Vec<Rect> = whole.blocks(PROBE_SIDE).collect();
     let works = blocks.iter().map(|&rect| {
         let (scene, settings) = (Arc::clone(scene), Arc::clone(settings));
-        RenderWork::Probe(ProbeWork { scene, view, settings, rect, sample_count: PROBE_SAMPLES })
+        RenderWork::Probe(ProbeWork { scene, view: view.clone(), settings, rect, sample_count: PROBE_SAMPLES })
     });
     let mut pixels = vec![SurveyPixel::default(); whole.area() as usize];
     for (rect, output) in blocks.iter().zip(run(client, works.collect())?) {
@@ -144,7 +144,7 @@ impl Chain {
 /// Returns the mean number of consecutive mirrored or refracted bounces for each pixel.
 fn recursion_levels(
     scene: &Arc<PreparedScene>,
-    view: View,
+    view: &View,
     settings: &PathSettings,
     client: &HraClient<RenderWork>,
 ) -> Result<Vec<f32>, RenderError> {

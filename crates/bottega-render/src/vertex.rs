@@ -7,6 +7,7 @@ use glam::Vec3;
 use crate::{
     bsdf::{Bsdf, BsdfAt, BsdfSample, Interior},
     color::exp,
+    density::SolidAnglePdf,
     interaction::Interaction,
     lights::{LightSample, Receiver},
     sampler::PixelSampler,
@@ -45,7 +46,7 @@ impl SurfaceVertex<'_> {
         &self,
         light: &LightSample,
         count: f32,
-        mis_weight: impl FnOnce(f32, f32) -> f32,
+        mis_weight: impl FnOnce(SolidAnglePdf, SolidAnglePdf) -> f32,
     ) -> Option<LightWeight> {
         let wi = self.point.to_local(light.wi);
         // Prevent light leaks by the shading normal
@@ -58,8 +59,8 @@ impl SurfaceVertex<'_> {
             return None;
         }
         let expected = count * light.pdf;
-        let weight = mis_weight(expected, bsdf_pdf);
-        Some(LightWeight { value, factor: wi.z.abs() * weight / expected })
+        let weight = mis_weight(expected, SolidAnglePdf::new(bsdf_pdf));
+        Some(LightWeight { value, factor: wi.z.abs() * weight / expected.per_sr() })
     }
 }
 

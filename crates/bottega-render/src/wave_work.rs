@@ -39,7 +39,7 @@ impl WaveWork {
     pub fn perform(self) -> Result<Wave, RenderError> {
         let Self { scene, prepass, view, settings, layout, mut wave, answers } = self;
         let wanted = Wanted { cost: false, ..Wanted::by(&layout) };
-        let integrator = PathIntegrator::new(&scene, &prepass, view, &settings)?.with_wanted(wanted);
+        let integrator = PathIntegrator::new(&scene, &prepass, &view, &settings)?.with_wanted(wanted);
         wave.step(&integrator, &answers);
         if let Some(wanted) = WantedSurface::by(&layout).filter(|_| wave.is_over()) {
             wave.find_surfaces(&integrator, wanted);
@@ -72,11 +72,10 @@ impl Wave {
     /// Returns the reason if wavefront rendering does not support a picture, else `None`.
     pub fn refusal(
         prepared: &PreparedScene,
-        view: View,
+        view: &View,
         settings: &PathSettings,
         layout: &Layout,
     ) -> Option<&'static str> {
-        let hides_emitters = prepared.camera(view.camera).is_some_and(|camera| camera.hides_emitters);
         if settings.photons.is_some() {
             return Some("photons and lighting agents follow rays of their own");
         }
@@ -89,7 +88,7 @@ impl Wave {
         if prepared.has_media() || prepared.has_boundaries() {
             return Some("it has media or panes, which change light along a ray");
         }
-        if prepared.has_opacity() || hides_emitters {
+        if prepared.has_opacity() || view.camera.hides_emitters {
             return Some("it has surfaces that let rays pass");
         }
         layout.offset(Aov::Cost).map(|_| "devices that trace rays do not count their cost (layer `cost`)")

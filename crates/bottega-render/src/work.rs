@@ -146,7 +146,7 @@ impl RenderWork {
                 Ok(wave) => RenderOutput::Wave(Box::new(wave)),
                 Err(error) => RenderOutput::Refused(Arc::new(error)),
             },
-            Self::Probe(work) => match probe(&work.scene, work.view, &work.settings, work.rect, work.sample_count) {
+            Self::Probe(work) => match probe(&work.scene, &work.view, &work.settings, work.rect, work.sample_count) {
                 Ok(pixels) => RenderOutput::Probe(pixels),
                 Err(error) => RenderOutput::Refused(Arc::new(error)),
             },
@@ -185,7 +185,7 @@ impl BlockWork {
         let layout = tile.layout();
         let wanted_surface = WantedSurface::by(layout);
         let wanted = Wanted::by(layout);
-        let integrator = Integrator::new(&scene, &prepass, view, &settings, wanted)?;
+        let integrator = Integrator::new(&scene, &prepass, &view, &settings, wanted)?;
         if let Integrator::Photons(photons) = &integrator {
             photons.cast(samples.clone());
         }

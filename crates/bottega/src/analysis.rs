@@ -123,7 +123,7 @@ impl AnalyzedScene {
             ..PathSettings::default()
         };
         let options = BuiltinOptions {
-            view: subject.view,
+            view: subject.view.clone(),
             settings,
             layout: Layout::new(AovSet::NONE),
             threads: painters,

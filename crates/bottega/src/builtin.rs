@@ -57,10 +57,10 @@ impl BuiltinPainter {
         let (light_groups, group_notes) = light_groups(&plan.light_groups, &subject.prepared);
         // Make the engine, with rays as work units if that pays off
         let wavefront = wants_waves(&plan, &devices)
-            && Wave::refusal(&subject.prepared, subject.view, paths, &job.layout).is_none();
+            && Wave::refusal(&subject.prepared, &subject.view, paths, &job.layout).is_none();
         let engine = |planned_samples| {
             let options = BuiltinOptions {
-                view: subject.view,
+                view: subject.view.clone(),
                 settings: PathSettings { planned_samples, ..*paths },
                 layout: job.layout.clone(),
                 threads: devices.threads,
@@ -94,11 +94,11 @@ impl BuiltinPainter {
         notes.extend(devices.notes.iter().cloned());
         if wants_waves(plan, devices) {
             let paths = PathSettings { photons: plan.paths.photons, ..PathSettings::default() };
-            let refusal = Wave::refusal(&subject.prepared, subject.view, &paths, &plan.job.layout);
+            let refusal = Wave::refusal(&subject.prepared, &subject.view, &paths, &plan.job.layout);
             notes.extend(refusal.map(|why| format!("integrator.wavefront and boards have no effect here: {why}")));
         }
         let learns_paths =
-            plan.paths.photons.is_none() && subject.prepared.can_learn(subject.view, plan.paths.planned_samples);
+            plan.paths.photons.is_none() && subject.prepared.can_learn(&subject.view, plan.paths.planned_samples);
         if plan.wants_agents && !learns_paths {
             let why = "--guide ala has no effect here: it needs path tracing without media and motion, at least 128 × 128 pixels, and at least 524288 samples over all pixels";
             notes.push(why.to_owned());

@@ -29,9 +29,9 @@ pub struct LoadedScene {
     pub prepared: Arc<PreparedScene>,
     /// Results of prepasses over the scene, shared by its pictures.
     pub prepass: Arc<Prepass>,
-    /// The camera, as an index into the prepared scene, and the size of the picture in pixels.
+    /// The camera of the picture, and its size in pixels.
     pub view: View,
-    /// Index of the camera in the file; the request may give it another pose.
+    /// Index of the camera in the file; the request may give it another pose or lens.
     pub camera: usize,
     /// The cameras of the file, unchanged.
     cameras: Vec<Camera>,
@@ -73,13 +73,14 @@ impl LoadedScene {
         let cameras = scene.cameras.clone();
         let (camera, aimed) = aimed(&cameras, scene.origin, &request.view)?;
         let [width, height] = size(request, &hints, &aimed)?;
-        scene.cameras[camera] = aimed;
+        // The scene is checked with the camera as the picture uses it
+        scene.cameras[camera] = aimed.clone();
         hints.crop = hints.crop.filter(|_| request.film.size.is_none());
         let options = PrepareOptions { threads: threads(request), ..PrepareOptions::default() };
         let accel = build_accel(&scene, &options)?;
         let loaded = Instant::now();
         let prepared = Arc::new(PreparedScene::with_accel(Arc::new(scene), accel, &options));
-        let view = View { camera, width, height };
+        let view = View { camera: Arc::new(aimed), width, height };
         Ok(Self { prepared, prepass: Arc::default(), view, camera, cameras, warnings, hints, files, loaded })
     }
 
@@ -90,17 +91,15 @@ impl LoadedScene {
     pub fn seen_as(self, request: &Request) -> Result<Self, Error> {
         let (camera, aimed) = aimed(&self.cameras, self.scene().origin, &request.view)?;
         let [width, height] = size(request, &self.hints, &aimed)?;
-        let view = View { camera: self.prepared.add_camera(aimed), width, height };
-        // Remove the old camera, so that a long interactive session does not collect them.
-        self.prepared.remove_camera(self.view.camera);
+        let view = View { camera: Arc::new(aimed), width, height };
         let mut hints = self.hints;
         hints.crop = hints.crop.filter(|_| request.film.size.is_none());
         Ok(Self { view, camera, prepass: Arc::default(), hints, ..self })
     }
 
     /// Returns the camera of the picture.
-    pub fn camera(&self) -> Arc<Camera> {
-        self.prepared.camera(self.view.camera).expect("a view needs a camera of its scene")
+    pub fn camera(&self) -> &Camera {
+        &self.view.camera
     }
 
     /// Returns the cameras of the file, unchanged.

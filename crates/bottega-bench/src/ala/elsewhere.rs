@@ -3,7 +3,7 @@
 use std::io::Write;
 
 use bottega_image::read_picture;
-use bottega_render::{Oracle, View};
+use bottega_render::Oracle;
 
 use super::{
     options::{AlaOptions, AlaScene, part},
@@ -31,7 +31,7 @@ pub(super) fn compare(options: &AlaOptions, other: &AlaScene, log: &mut dyn Writ
     let hints = bottega_scene::load(&other.scene, &shared_meshes())?.hints;
     let scene = PaintedScene {
         path: &other.scene,
-        view: View { camera: 0, width: reference.width, height: reference.height },
+        size: (reference.width, reference.height),
         max_depth: hints.max_depth.unwrap_or(12),
         threads: options.threads(),
     };

@@ -4,7 +4,7 @@ use std::{fmt::Write as _, io::Write, path::Path};
 
 use bottega_image::{Canvas, ColorMap};
 use bottega_render::{
-    AgentSettings, Oracle, PathSettings, PhotonSettings, Prepass, View,
+    AgentSettings, Oracle, PathSettings, PhotonSettings, Prepass,
     ala::{Criterion, Density, Dot, LocalSphere, Ludd, SampleSet, Samples, network_dots},
 };
 use serde_json::{Value, json};
@@ -56,6 +56,7 @@ pub(super) fn compare(
         ("agents", SampleSet::Agents, Oracle::Error),
     ];
     let (prepared, prepass) = (scene.prepared()?, Prepass::default());
+    let view = &scene.view(&prepared)?;
     let mut all = Vec::new();
     for (name, set, oracle) in sets {
         say(log, format_args!("comparing {name} …"));
@@ -63,8 +64,8 @@ pub(super) fn compare(
         let (count, bounces) = (photons, scene.max_depth);
         let photons = PhotonSettings { count, bounces, agents: Some(agents), ..PhotonSettings::default() };
         let settings = PathSettings { max_depth: bounces, photons: Some(photons), ..PathSettings::default() };
-        let samples = Samples::new(&prepared, &prepass, scene.view, &settings, set, &CRITERIA)?;
-        let over = |sphere| samples.over(&prepared, scene.view, sphere);
+        let samples = Samples::new(&prepared, &prepass, view, &settings, set, &CRITERIA)?;
+        let over = |sphere| samples.over(&prepared, view, sphere);
         let found = [over(LocalSphere::Radius(RADIUS))?, over(LocalSphere::Count(COUNT))?];
         let of = |pixel: &Option<Density>, criterion: Criterion| {
             let by = pixel.as_ref()?.by_criterion.iter().find(|(it, _)| *it == criterion);
@@ -85,7 +86,7 @@ pub(super) fn compare(
             means: [means(&found[0]), means(&found[1])],
             samples: found[0].sample_count,
             in_sphere: mean(near).unwrap_or_default(),
-            dots: samples.dots(&prepared, scene.view, dot)?,
+            dots: samples.dots(&prepared, view, dot)?,
         });
     }
     Ok(all)
@@ -141,12 +142,12 @@ pub(super) fn as_json(all: &[UsefulData]) -> Value {
 ///
 /// # Errors
 /// A file cannot be written.
-pub(super) fn draw(all: &[UsefulData], view: View, folder: &Path) -> Result<(), Error> {
+pub(super) fn draw(all: &[UsefulData], (width, height): (u32, u32), folder: &Path) -> Result<(), Error> {
     for (which, kind) in ["radius", "count"].into_iter().enumerate() {
         let fields = all.iter().flat_map(|data| &data.fields[which]).copied();
         let white = bright(fields.filter(|it| it.is_finite()).collect());
         for data in all {
-            let canvas = Canvas::heat_map(view.width, view.height, &data.fields[which], white, ColorMap::Viridis);
+            let canvas = Canvas::heat_map(width, height, &data.fields[which], white, ColorMap::Viridis);
             canvas.write_png(folder.join(format!("ludd-{}-by-{kind}.png", data.name)))?;
         }
     }
@@ -164,7 +165,7 @@ pub(super) fn draw(all: &[UsefulData], view: View, folder: &Path) -> Result<(), 
             _ => value,
         });
         let shown: Vec<f32> = shown.collect();
-        let canvas = Canvas::heat_map(view.width, view.height, &shown, white, ColorMap::Viridis);
+        let canvas = Canvas::heat_map(width, height, &shown, white, ColorMap::Viridis);
         canvas.write_png(folder.join(format!("map-{}.png", data.name)))?;
     }
     Ok(())
@@ -178,14 +179,15 @@ pub(super) fn draw_network(scene: &PaintedScene<'_>, lighting_agents: u32) -> Re
     let agents = AgentSettings { cast: lighting_agents, ..AgentSettings::default() };
     let photons = PhotonSettings { bounces: scene.max_depth, agents: Some(agents), ..PhotonSettings::default() };
     let settings = PathSettings { max_depth: scene.max_depth, photons: Some(photons), ..PathSettings::default() };
-    let dots = network_dots(&*scene.prepared()?, &Prepass::default(), scene.view, &settings)?;
+    let prepared = scene.prepared()?;
+    let dots = network_dots(&prepared, &Prepass::default(), &scene.view(&prepared)?, &settings)?;
     let value = |dot: &Dot| match dot {
         Dot::Nothing => f32::NAN,
         Dot::Free => 0.0,
         Dot::Sample(value) => *value,
     };
     let values: Vec<f32> = dots.iter().map(value).collect();
-    Ok(Canvas::heat_map(scene.view.width, scene.view.height, &values, 1.0, ColorMap::Viridis))
+    Ok(Canvas::heat_map(scene.size.0, scene.size.1, &values, 1.0, ColorMap::Viridis))
 }
 
 /// Returns the value of the brightest color; one pixel in two hundred may be clipped.

@@ -18,7 +18,7 @@ mod ways;
 use std::{io::Write, path::Path};
 
 use bottega_image::{Picture, read_picture};
-use bottega_render::{Oracle, View};
+use bottega_render::Oracle;
 
 pub(crate) use self::options::AlaOptions;
 use self::{
@@ -66,7 +66,7 @@ fn compare(options: &AlaOptions, log: &mut dyn Write) -> Result<AlaReport, Error
     };
     let scene = PaintedScene {
         path: &path,
-        view: View { camera: 0, width, height },
+        size: (width, height),
         max_depth: hints.max_depth.unwrap_or(12),
         threads: options.threads(),
     };
@@ -149,6 +149,6 @@ fn write(folder: &Path, report: &AlaReport) -> Result<(), Error> {
     figures::write(folder, report)?;
     report.network.write_png(folder.join("network.png"))?;
     let Picture { width, height, .. } = report.reference;
-    ludd::draw(&report.useful_data, View { camera: 0, width, height }, folder)?;
+    ludd::draw(&report.useful_data, (width, height), folder)?;
     Ok(())
 }

@@ -49,7 +49,8 @@ pub(super) struct MethodResult {
 /// The scene, and how it is rendered.
 pub(super) struct PaintedScene<'a> {
     pub(super) path: &'a Path,
-    pub(super) view: View,
+    /// Width and height of the picture, in pixels.
+    pub(super) size: (u32, u32),
     pub(super) max_depth: u32,
     pub(super) threads: usize,
 }
@@ -194,7 +195,8 @@ impl PaintedScene<'_> {
             ..PathSettings::default()
         };
         let layout = Layout::new(AovSet::NONE);
-        let options = BuiltinOptions { view: self.view, settings, layout, threads: self.threads, wavefront: false };
+        let view = self.view(&prepared)?;
+        let options = BuiltinOptions { view, settings, layout, threads: self.threads, wavefront: false };
         Ok(BuiltinEngine::new(prepared, options, Devices::default()))
     }
 
@@ -204,13 +206,18 @@ impl PaintedScene<'_> {
         Ok(Arc::new(PreparedScene::new(Arc::new(loaded.scene), &options)?))
     }
 
+    /// Returns the picture of the first camera.
+    pub(super) fn view(&self, prepared: &PreparedScene) -> Result<View, Error> {
+        Ok(View::of_scene(prepared.scene(), 0, self.size.0, self.size.1)?)
+    }
+
     fn samples(
         &self,
         engine: &BuiltinEngine,
         samples: Range<u32>,
         tile: Option<Tile>,
     ) -> Result<(Tile, Duration), Error> {
-        let rect = Rect::of_size(self.view.width, self.view.height);
+        let rect = Rect::of_size(self.size.0, self.size.1);
         let tunables = Tunables { max_depth: self.max_depth, light_samples: 1 };
         paint_samples(engine, rect, tunables, samples, tile)
     }

@@ -19,7 +19,7 @@ use bottega_image::{
     srgb_mse, write_picture_exr,
 };
 use bottega_platform::processor_time::own_seconds;
-use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene, View};
+use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene};
 use clap::Args;
 
 use self::report::{GuideReport, GuideRow, WayResult};
@@ -85,7 +85,7 @@ pub(crate) struct GuideOptions {
 struct MeasuredScene {
     name: String,
     prepared: Arc<PreparedScene>,
-    view: View,
+    size: (u32, u32),
     max_depth: u32,
     reference: Picture,
     /// The error of the reference: relative, and of the displayed image.
@@ -129,7 +129,7 @@ impl MeasuredScene {
         let mut scene = Self {
             name: name_of(path),
             prepared: Arc::new(PreparedScene::new(Arc::new(loaded.scene), &prepare)?),
-            view: View { camera: 0, width, height },
+            size: (width, height),
             max_depth: loaded.hints.max_depth.unwrap_or(16),
             reference: Picture::new(width, height),
             noise: [0.0; 2],
@@ -145,7 +145,7 @@ impl MeasuredScene {
     /// Returns half of the reference: read from a file, or rendered now.
     fn half(&self, which: usize, options: &GuideOptions, log: &mut dyn Write) -> Result<Picture, Error> {
         let samples = options.reference_spp.div_ceil(2);
-        let View { width, height, .. } = self.view;
+        let (width, height) = self.size;
         let file = |folder: &PathBuf| {
             folder.join(format!("{}-{width}x{height}-{samples}-half-{which}.exr", self.name.replace('/', "-")))
         };
@@ -201,7 +201,7 @@ impl MeasuredScene {
             ..PathSettings::default()
         };
         let before = own_seconds().ok_or(Error::NoProcessorTime)?;
-        let (tile, _) = paint_zone((&self.prepared, &Arc::default()), self.view, settings, threads, samples)?;
+        let (tile, _) = paint_zone((&self.prepared, &Arc::default()), self.size, settings, threads, samples)?;
         let after = own_seconds().ok_or(Error::NoProcessorTime)?;
         let mut film = Film::new(tile.rect(), tile.layout().clone());
         film.add_tile(&tile, |_, _| 1.0);

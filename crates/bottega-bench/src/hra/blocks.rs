@@ -77,10 +77,10 @@ fn once(options: &HraOptions, scene: &RayScene, way: WorkDivision, samples: u32)
         planned_samples: samples,
         ..PathSettings::default()
     };
-    let view = View { camera: 0, width: SIDE, height: SIDE };
+    let view = View::of_scene(scene.prepared.scene(), 0, SIDE, SIDE)?;
     let options = BuiltinOptions { view, settings, layout: Layout::new(AovSet::NONE), threads, wavefront: false };
     let devices = Devices { lanes, costs: None };
     let engine = BuiltinEngine::new(Arc::clone(&scene.prepared), options, devices);
-    let (_, time) = paint_zone_with(&engine, view, settings, samples)?;
+    let (_, time) = paint_zone_with(&engine, (SIDE, SIDE), settings, samples)?;
     Ok((time.as_secs_f64(), occupation(&engine.report())))
 }

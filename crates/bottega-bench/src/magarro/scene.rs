@@ -76,7 +76,7 @@ impl<'a> MagarroScene<'a> {
             ..PathSettings::default()
         };
         let options = BuiltinOptions {
-            view: View { camera: 0, width: self.width, height: self.height },
+            view: View::of_scene(prepared.scene(), 0, self.width, self.height)?,
             settings: path_settings,
             layout: settings.layout.clone(),
             threads: settings.processors,

@@ -3,7 +3,7 @@
 use std::{path::Path, sync::Arc, time::Duration};
 
 use bottega::{devices::processors, text::shown};
-use bottega_render::{PathSettings, PrepareOptions, PreparedScene, Prepass, View};
+use bottega_render::{PathSettings, PrepareOptions, PreparedScene, Prepass};
 use bottega_scene::LoadOptions;
 
 use crate::{error::Error, painting::paint_zone};
@@ -42,6 +42,5 @@ pub(super) fn measure(scene: &Path, repeat: u16) -> Result<PathsRow, Error> {
 }
 
 fn paint(scene: (&Arc<PreparedScene>, &Arc<Prepass>), threads: usize) -> Result<Duration, Error> {
-    let view = View { camera: 0, width: SIDE, height: SIDE };
-    Ok(paint_zone(scene, view, PathSettings::default(), threads, SAMPLES)?.1)
+    Ok(paint_zone(scene, (SIDE, SIDE), PathSettings::default(), threads, SAMPLES)?.1)
 }

@@ -76,7 +76,7 @@ fn sampled(args: &AnalyzeArgs, subject: &AnalyzedScene, set: SampleSet) -> Resul
     let photons = PhotonSettings { count: args.photons, bounces, agents: Some(agents), ..PhotonSettings::default() };
     let settings = PathSettings { max_depth: bounces, photons: Some(photons), ..PathSettings::default() };
     let loaded = &subject.subject;
-    let (scene, prepass, view) = (&loaded.prepared, &loaded.prepass, loaded.view);
+    let (scene, prepass, view) = (&loaded.prepared, &loaded.prepass, &loaded.view);
     let samples = Samples::new(scene, prepass, view, &settings, set, &args.ludd)?;
     Ok(samples.over(scene, view, sphere(args))?)
 }

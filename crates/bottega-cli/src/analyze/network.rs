@@ -21,7 +21,7 @@ pub(super) fn draw(args: &AnalyzeArgs, subject: &AnalyzedScene, drawn: &mut Pict
     let photons = PhotonSettings { count: args.photons, bounces, agents: Some(agents), ..PhotonSettings::default() };
     let settings = PathSettings { max_depth: bounces, photons: Some(photons), ..PathSettings::default() };
     let loaded = &subject.subject;
-    let dots = network_dots(&loaded.prepared, &loaded.prepass, loaded.view, &settings)?;
+    let dots = network_dots(&loaded.prepared, &loaded.prepass, &loaded.view, &settings)?;
     let value = |dot: &Dot| match dot {
         Dot::Nothing => f32::NAN,
         Dot::Free => 0.0,

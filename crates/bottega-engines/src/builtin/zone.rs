@@ -192,7 +192,7 @@ impl<'a> ZonePainter<'a> {
         let work = RenderWork::Block(BlockWork {
             scene: Arc::clone(&self.shared.scene),
             prepass: Arc::clone(&self.shared.prepass),
-            view: self.shared.options.view,
+            view: self.shared.options.view.clone(),
             settings: Arc::clone(&self.settings),
             tile,
             samples: block.next_sample..block.next_sample + block.in_unit,
@@ -292,7 +292,7 @@ impl<'a> ZonePainter<'a> {
         let work = WaveWork {
             scene: Arc::clone(&self.shared.scene),
             prepass: Arc::clone(&self.shared.prepass),
-            view: self.shared.options.view,
+            view: self.shared.options.view.clone(),
             settings: Arc::clone(&self.settings),
             layout: self.shared.options.layout.clone(),
             wave,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bottega_hra::DataId;
 use bottega_image::{Aov, Layout, Tile};
 use bottega_render::flat::{FlatPicture, NONE, Portable as _, sobol_table};
-use bottega_render::{BlockOutput, BlockWork, DirectLight, PathSettings, PreparedScene, View};
+use bottega_render::{BlockOutput, BlockWork, DirectLight, PathSettings, View};
 
 use crate::error::GpuError;
 use crate::shared::paths::{BatchParams, DIRECT_BSDF_SAMPLING, DIRECT_COMBINED, DIRECT_LIGHT_SAMPLING, JobRecord};
@@ -26,7 +26,7 @@ impl BatchKind {
     pub(super) fn of(block: &BlockWork) -> Self {
         Self {
             data: block.scene.data_id(),
-            view: block.view,
+            view: block.view.clone(),
             settings: Arc::clone(&block.settings),
             layout: block.tile.layout().clone(),
         }
@@ -56,9 +56,9 @@ impl BlockBatch {
     /// Encodes a batch.
     ///
     /// - `blocks`: blocks of that kind, with fewer than [`PATHS_MAX`] paths in all.
-    pub(super) fn new(prepared: &PreparedScene, kind: &BatchKind, blocks: &[&BlockWork]) -> Result<Self, GpuError> {
-        let picture = FlatPicture::new(prepared, kind.view, kind.settings.filter)
-            .map_err(|error| GpuError::Invalid(error.to_string()))?;
+    pub(super) fn new(kind: &BatchKind, blocks: &[&BlockWork]) -> Result<Self, GpuError> {
+        let picture =
+            FlatPicture::new(&kind.view, kind.settings.filter).map_err(|error| GpuError::Invalid(error.to_string()))?;
         let mut words = sobol_table();
         let picture_at = words.len() as u32;
         words.extend(&picture.words);

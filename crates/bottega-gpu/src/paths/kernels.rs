@@ -33,6 +33,7 @@ const SHADING: &str = concat!(
     include_str!("../wgsl/lights/rectangle.wgsl"),
     include_str!("../wgsl/lights/triangle.wgsl"),
     include_str!("../wgsl/lights/sphere.wgsl"),
+    include_str!("../wgsl/lights/panel.wgsl"),
     include_str!("../wgsl/lights/surface.wgsl"),
     include_str!("../wgsl/lights/punctual.wgsl"),
     include_str!("../wgsl/lights/distribution.wgsl"),

@@ -22,8 +22,7 @@ pub(super) fn refusal(block: &BlockWork) -> Option<String> {
     if let Some(layer) = block.tile.layout().layers().first() {
         return Some(format!("devices do not support the layer `{}`", layer.name));
     }
-    let camera = block.scene.camera(block.view.camera);
-    if camera.is_some_and(|camera| !is_camera_for_devices(&camera)) {
+    if !is_camera_for_devices(&block.view.camera) {
         return Some("devices do not support this camera".to_owned());
     }
     if block.settings.photons.is_some() {

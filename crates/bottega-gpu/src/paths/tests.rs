@@ -58,8 +58,8 @@ struct TilePair {
 
 const SIDE: u32 = 48;
 
-fn view() -> View {
-    View { camera: 0, width: SIDE, height: SIDE }
+fn view(scene: &PreparedScene) -> View {
+    View::of_scene(scene.scene(), 0, SIDE, SIDE).unwrap()
 }
 
 fn paint(
@@ -73,7 +73,7 @@ fn paint(
     let block = BlockWork {
         scene: Arc::clone(scene),
         prepass: Arc::default(),
-        view: view(),
+        view: view(scene),
         settings,
         tile,
         samples,
@@ -232,7 +232,7 @@ fn a_lost_device_returns_its_blocks_and_is_opened_again() {
     let block = |x: u32| BlockWork {
         scene: Arc::clone(&scene),
         prepass: Arc::default(),
-        view: view(),
+        view: view(&scene),
         settings: Arc::new(settings()),
         tile: Tile::new(Rect::new(x, 0, x + 8, 8), layout()),
         samples: 0..2,
@@ -261,7 +261,7 @@ fn unsupported_units_are_returned_and_the_others_are_done() {
         RenderWork::Block(BlockWork {
             scene: Arc::clone(scene),
             prepass: Arc::default(),
-            view: view(),
+            view: view(scene),
             settings,
             tile,
             samples,
@@ -273,10 +273,10 @@ fn unsupported_units_are_returned_and_the_others_are_done() {
     let group = Layer { name: "light_key".to_owned(), channels, combine: Combine::Mean };
     let grouped = Layout::with_layers(AovSet::NONE, vec![group]).unwrap();
     let projection = Projection::Panorama(Panorama::Cube);
-    let cube = scene.add_camera(Camera { projection, ..scene.scene().cameras[0].clone() });
+    let cube = Camera { projection, ..scene.scene().cameras[0].clone() };
     let mut all_around = block(&scene, layout(), 0..1);
     if let RenderWork::Block(block) = &mut all_around {
-        block.view.camera = cube;
+        block.view.camera = Arc::new(cube);
     }
     let works = vec![
         all_around,

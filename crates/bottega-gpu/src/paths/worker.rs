@@ -167,17 +167,18 @@ impl PathWorker {
     fn try_kernels(&mut self, encoded: &EncodedScene) -> Result<(), GpuError> {
         let EncodedScene { flat, scene } = encoded;
         let settings = PathSettings { guiding: false, ..PathSettings::default() };
+        let view = View::of_scene(scene.scene(), 0, 1, 1).map_err(|error| GpuError::Invalid(error.to_string()))?;
         let block = BlockWork {
             scene: Arc::clone(scene),
             prepass: Arc::default(),
-            view: View { camera: 0, width: 1, height: 1 },
+            view,
             settings: Arc::new(settings),
             tile: Tile::new(Rect::of_size(1, 1), Layout::new(AovSet::NONE)),
             samples: 0..1,
             light_groups: None,
         };
         let kind = BatchKind::of(&block);
-        let batch = BlockBatch::new(scene, &kind, &[&block])?;
+        let batch = BlockBatch::new(&kind, &[&block])?;
         let tracer = self.tracer()?;
         tracer.admit(kind.data, flat)?;
         tracer.patiently(|tracer| {
@@ -309,9 +310,10 @@ impl PathWorker {
 
     /// Starts a batch of units of one kind.
     fn start(&mut self, kind: &BatchKind, units: &[Unit]) -> Result<(BlockBatch, Flight), GpuError> {
-        let Some(first) = units.first() else { return Err(GpuError::Invalid("a batch without units".to_owned())) };
-        let scene = Arc::clone(&first.block.scene);
-        let batch = BlockBatch::new(&scene, kind, &units.iter().map(|unit| &unit.block).collect::<Vec<_>>())?;
+        if units.is_empty() {
+            return Err(GpuError::Invalid("a batch without units".to_owned()));
+        }
+        let batch = BlockBatch::new(kind, &units.iter().map(|unit| &unit.block).collect::<Vec<_>>())?;
         let flight = self.tracer()?.start(kind.data, &batch)?;
         Ok((batch, flight))
     }

@@ -21,7 +21,7 @@ const NEIGHBORS: usize = 4;
 const REACH: f32 = 2.0;
 
 /// Returns the agents of a view, in an order in which every first part is spread all over the picture.
-pub(super) fn agents_of_view(prepared: &PreparedScene, view: View, settings: &AgentSettings) -> Vec<Agent> {
+pub(super) fn agents_of_view(prepared: &PreparedScene, view: &View, settings: &AgentSettings) -> Vec<Agent> {
     let most = (settings.agents_max() / PART).isqrt() as u32;
     let side = (view.width.max(view.height) / PIXELS).min(SIDE_MAX).min(most);
     if !settings.has_scouts() || side == 0 {

@@ -26,7 +26,7 @@ use crate::{
 pub(crate) fn cast_agents(
     scene: &Arc<PreparedScene>,
     prepass: &Arc<Prepass>,
-    view: View,
+    view: &View,
     photons: PhotonSettings,
     seed: u64,
     passes: &Arc<Passes>,
@@ -36,7 +36,8 @@ pub(crate) fn cast_agents(
     let begun = Instant::now();
     let works = parts(settings.cast, AGENTS).map(|indices| {
         let (scene, prepass) = (Arc::clone(scene), Arc::clone(prepass));
-        RenderWork::Agents(AgentWork { scene, prepass, view, seed, indices, has_scouts: settings.has_scouts() })
+        let (view, has_scouts) = (view.clone(), settings.has_scouts());
+        RenderWork::Agents(AgentWork { scene, prepass, view, seed, indices, has_scouts })
     });
     let answer = |output| if let RenderOutput::Agents(part) = output { Some(part) } else { None };
     let agents = executors.run(works.collect(), answer)?;

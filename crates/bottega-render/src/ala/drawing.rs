@@ -20,12 +20,11 @@ const WIDTH: f32 = 0.0015;
 /// - `settings`: with the settings of photons and agents.
 ///
 /// # Errors
-/// [`RenderError::EmptyPicture`], [`RenderError::PhotonsInMedia`], or an error that says that the scene lacks the
-/// view's camera.
+/// [`RenderError::EmptyPicture`], [`RenderError::PhotonsInMedia`].
 pub fn network_dots(
     scene: &PreparedScene,
     prepass: &Prepass,
-    view: View,
+    view: &View,
     settings: &PathSettings,
 ) -> Result<Vec<Dot>, RenderError> {
     let photons = settings.photons.unwrap_or_default();

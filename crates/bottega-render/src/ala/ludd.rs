@@ -190,12 +190,11 @@ impl Samples {
     /// - `settings`: with the settings of photons and agents.
     ///
     /// # Errors
-    /// [`RenderError::EmptyPicture`], [`RenderError::PhotonsInMedia`], or an error that says that the scene lacks the
-    /// view's camera.
+    /// [`RenderError::EmptyPicture`], [`RenderError::PhotonsInMedia`].
     pub fn new(
         scene: &PreparedScene,
         prepass: &Prepass,
-        view: View,
+        view: &View,
         settings: &PathSettings,
         set: SampleSet,
         criteria: &[Criterion],
@@ -281,8 +280,8 @@ impl Samples {
     /// - `radius`: radius of a dot, as a share of the visible radius.
     ///
     /// # Errors
-    /// [`RenderError::EmptyPicture`], or an error that says that the scene lacks the view's camera.
-    pub fn dots(&self, scene: &PreparedScene, view: View, radius: f32) -> Result<Vec<Dot>, RenderError> {
+    /// [`RenderError::EmptyPicture`].
+    pub fn dots(&self, scene: &PreparedScene, view: &View, radius: f32) -> Result<Vec<Dot>, RenderError> {
         let settings = PathSettings::default();
         let camera = PathIntegrator::unguided(scene, view, &settings)?;
         let reach = (radius * self.extent).powi(2);
@@ -301,8 +300,8 @@ impl Samples {
     /// Returns δ at what the camera sees in the middle of each pixel.
     ///
     /// # Errors
-    /// [`RenderError::EmptyPicture`], or an error that says that the scene lacks the view's camera.
-    pub fn over(&self, scene: &PreparedScene, view: View, sphere: LocalSphere) -> Result<Ludd, RenderError> {
+    /// [`RenderError::EmptyPicture`].
+    pub fn over(&self, scene: &PreparedScene, view: &View, sphere: LocalSphere) -> Result<Ludd, RenderError> {
         let settings = PathSettings::default();
         let camera = PathIntegrator::unguided(scene, view, &settings)?;
         let place = |index: u32| {
@@ -334,7 +333,7 @@ pub(super) fn first_place(scene: &PreparedScene, camera: &PathIntegrator<'_>, x:
 }
 
 /// Returns the points that a camera sees.
-fn seen(scene: &PreparedScene, camera: &PathIntegrator<'_>, view: View) -> PhotonMap {
+fn seen(scene: &PreparedScene, camera: &PathIntegrator<'_>, view: &View) -> PhotonMap {
     let all = 0..view.width * view.height;
     let place = |index: u32| first_place(scene, camera, index % view.width, index / view.width);
     let places: Vec<Vec3> = all.into_par_iter().filter_map(place).collect();

@@ -77,7 +77,7 @@ impl Agents {
         let swarm = Swarm::new(
             plan.sources.source_count(),
             plan.extent(),
-            agents_of_view(prepared, plan.view, &settings),
+            agents_of_view(prepared, &plan.view, &settings),
             agents,
             &settings,
         );

@@ -59,7 +59,7 @@ impl AgentWork {
     /// Casts the agents on the calling thread.
     pub fn perform(self) -> Vec<Agent> {
         let Self { scene, prepass, view, seed, indices, has_scouts } = self;
-        let plan = prepass.photon_plan(&scene, view);
+        let plan = prepass.photon_plan(&scene, &view);
         compiled::run(CastRange {
             prepared: &scene,
             sources: &plan.sources,

@@ -60,7 +60,7 @@ fn direction_of_face(face: u32, place: Vec2) -> Vec3 {
 
 /// A fisheye for one picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Fisheye {
+pub(crate) struct Fisheye {
     mapping: FisheyeMapping,
     /// Angle between the axis and the rim, in radians.
     rim: f32,

@@ -1,11 +1,13 @@
 //! A flat picture: camera and filter.
 
-use super::WordBuffer;
+use bottega_scene::Panorama;
+use glam::Mat3;
+
+use super::{CameraRecord, FilterRecord, NONE, Portable as _, WordBuffer, code};
 use crate::{
-    camera::CameraRays,
+    camera::{CameraRays, ProjectionKind},
     error::RenderError,
-    filter::{Filter, FilterSampler},
-    prepare::PreparedScene,
+    filter::{Filter, FilterSampler, FilterShape},
     sampler,
     settings::View,
 };
@@ -22,17 +24,61 @@ impl FlatPicture {
     /// Writes a picture.
     ///
     /// # Errors
-    /// The camera does not exist, or the picture has no pixels.
-    pub fn new(prepared: &PreparedScene, view: View, filter: Filter) -> Result<Self, RenderError> {
-        let camera = prepared.camera(view.camera).ok_or_else(|| prepared.no_camera(view.camera))?;
+    /// The picture has no pixels.
+    pub fn new(view: &View, filter: Filter) -> Result<Self, RenderError> {
         if view.width == 0 || view.height == 0 {
             return Err(RenderError::EmptyPicture { width: view.width, height: view.height });
         }
         let mut words = WordBuffer::default();
-        words.record(&CameraRays::new(&camera, view.width, view.height).record());
-        FilterSampler::new(filter).write(&mut words);
+        words.record(&camera_record(&CameraRays::new(&view.camera, view.width, view.height)));
+        write_filter(&FilterSampler::new(filter), &mut words);
         Ok(Self { words: words.into_inner().0 })
     }
+}
+
+fn camera_record(rays: &CameraRays) -> CameraRecord {
+    let &CameraRays { world_from_camera, half_extent, lens_shift, double_pixel, kind, .. } = rays;
+    let &CameraRays { lens_radius, focus_distance, cone, clip, .. } = rays;
+    CameraRecord {
+        world_from_camera: Mat3::from(world_from_camera.matrix3),
+        position: world_from_camera.translation.into(),
+        half_extent,
+        shift: lens_shift,
+        double_pixel,
+        kind: match kind {
+            // Devices decline cubes, fisheyes and lenses, see `is_camera_for_devices`
+            ProjectionKind::Perspective | ProjectionKind::Lenses | ProjectionKind::Fisheye(_) => {
+                code::CAMERA_PERSPECTIVE
+            }
+            ProjectionKind::Parallel => code::CAMERA_PARALLEL,
+            ProjectionKind::Panorama(Panorama::Equirectangular) => code::CAMERA_EQUIRECTANGULAR,
+            ProjectionKind::Panorama(Panorama::EqualArea | Panorama::Cube) => code::CAMERA_EQUAL_AREA,
+        },
+        lens_radius,
+        focus: focus_distance,
+        cone_width: cone.width,
+        cone_spread: cone.spread,
+        near: clip.near,
+        far: clip.far.min(f32::MAX),
+    }
+}
+
+/// Writes the record of a filter, then its quantiles.
+fn write_filter(filter: &FilterSampler, words: &mut WordBuffer) {
+    let FilterSampler { radius, shape } = filter;
+    let radius = *radius;
+    let table = match shape {
+        FilterShape::Uniform => {
+            words.record(&FilterRecord { radius, quantiles: NONE, factor: 1.0, sign_change: f32::MAX });
+            return;
+        }
+        FilterShape::Shared(table) => table,
+        FilterShape::Own(table) => &**table,
+    };
+    let (factor, sign_change) = (table.excess, table.sign_change.min(f32::MAX));
+    let quantiles = words.place() + FilterRecord::WORDS;
+    words.record(&FilterRecord { radius, quantiles, factor, sign_change });
+    words.numbers(&table.quantiles);
 }
 
 /// Returns the table of the Sobol' sequence: the contribution of each value of each group of four bits of a bit-reversed

@@ -42,7 +42,7 @@ impl<'a> Integrator<'a> {
     pub(crate) fn new(
         prepared: &'a PreparedScene,
         prepass: &Prepass,
-        view: View,
+        view: &View,
         settings: &'a PathSettings,
         wanted: Wanted,
     ) -> Result<Self, RenderError> {

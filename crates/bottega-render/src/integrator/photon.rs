@@ -53,12 +53,11 @@ impl<'a> PhotonIntegrator<'a> {
     /// Creates an integrator for the picture `view`; the settings ask for photons.
     ///
     /// # Errors
-    /// [`RenderError::PhotonsInMedia`], [`RenderError::EmptyPicture`], or an error that says that the scene lacks the
-    /// view's camera.
+    /// [`RenderError::PhotonsInMedia`], [`RenderError::EmptyPicture`].
     pub fn new(
         prepared: &'a PreparedScene,
         prepass: &Prepass,
-        view: View,
+        view: &View,
         settings: &'a PathSettings,
         photons: PhotonSettings,
     ) -> Result<Self, RenderError> {
@@ -72,7 +71,7 @@ impl<'a> PhotonIntegrator<'a> {
         let passes = prepass.passes(prepared, view, photons, settings.seed, pass_count);
         let is_cached = photons.irradiance_cache > 0.0 && photons.final_rays > 0 && !photons.progressive;
         let cache = is_cached.then(|| passes.cache(view));
-        Ok(Self { base, photons, passes, cache, view })
+        Ok(Self { base, photons, passes, cache, view: view.clone() })
     }
 
     /// Returns this integrator with other optional values requested.

@@ -5,6 +5,7 @@ use bottega_scene::Spectrum;
 
 use crate::{
     camera::RayCone,
+    density::SolidAnglePdf,
     interaction::{Interaction, emitted, emitted_by_sphere},
     lights::{LightSample, Profile},
     settings::DirectLight,
@@ -72,7 +73,7 @@ pub(crate) fn shadow_ray(point: &Interaction, light: &LightSample) -> Ray {
 /// Returns the MIS weight of the strategy with density `chosen` against those with densities `others` (Veach 1997,
 /// eq. 9.13, β = 2).
 #[inline(always)]
-pub(in crate::integrator) fn power_heuristic<const N: usize>(chosen: f32, others: [f32; N]) -> f32 {
+pub(in crate::integrator) fn power_heuristic<const N: usize>(chosen: SolidAnglePdf, others: [SolidAnglePdf; N]) -> f32 {
     // Use the ratios: squares of large densities overflow
     let mut sum = 1.0;
     for other in others {
@@ -85,13 +86,13 @@ pub(in crate::integrator) fn power_heuristic<const N: usize>(chosen: f32, others
 /// Returns the MIS weight of an emitter that a path hit.
 ///
 /// - `strategy`: the picture's strategy for direct light.
-/// - `pdf`: density of the path's direction, in sr⁻¹; `None`: no other strategy finds the light.
+/// - `pdf`: density of the path's direction; `None`: no other strategy finds the light.
 /// - `light_pdfs`: returns the densities with which the other strategies find it; called only if they count.
 #[inline(always)]
 pub(in crate::integrator) fn weight_of_hit<const N: usize>(
     strategy: DirectLight,
-    pdf: Option<f32>,
-    light_pdfs: impl FnOnce() -> [f32; N],
+    pdf: Option<SolidAnglePdf>,
+    light_pdfs: impl FnOnce() -> [SolidAnglePdf; N],
 ) -> f32 {
     let Some(pdf) = pdf else { return 1.0 };
     match strategy {
@@ -115,9 +116,10 @@ mod tests {
 
     #[test]
     fn weights_of_two_strategies_add_up_to_one() {
+        let weight = |a, b| power_heuristic(SolidAnglePdf::new(a), [SolidAnglePdf::new(b)]);
         for (a, b) in [(1.0, 2.0), (1e30, 1e-3), (1e-20, 1e20), (3.0, 0.0)] {
-            assert!((power_heuristic(a, [b]) + power_heuristic(b, [a]) - 1.0).abs() < 1e-6, "{a} {b}");
+            assert!((weight(a, b) + weight(b, a) - 1.0).abs() < 1e-6, "{a} {b}");
         }
-        assert_eq!(power_heuristic(1.0, [f32::INFINITY]), 0.0);
+        assert_eq!(weight(1.0, f32::INFINITY), 0.0);
     }
 }

@@ -29,6 +29,7 @@ use super::{
 use crate::{
     bsdf::{BsdfAt, BsdfSample, LobeFlags},
     camera::CameraRay,
+    density::SolidAnglePdf,
     interaction::Interaction,
     lights::{Receiver, Segment},
     media::{
@@ -254,7 +255,7 @@ impl MediumPath<'_> {
         let u = self.sampler.quad(DimensionSet::scattering(self.depth));
         // Sample the phase function
         let (wi, pdf) = phase.sample(segment.direction, [u[1], u[2]]);
-        self.previous = PreviousVertex { receiver, pdf: Some(pdf), along };
+        self.previous = PreviousVertex { receiver, pdf: Some(SolidAnglePdf::new(pdf)), along };
         self.event = Visibility::VOLUME;
         self.go_on(p, wi, pdf, u[3])
     }
@@ -320,7 +321,7 @@ impl MediumPath<'_> {
             self.eta_scale *= sample.eta * sample.eta;
         }
         let pdf = (!sample.is_delta()).then_some(sample.pdf);
-        self.previous = PreviousVertex { receiver, pdf, along: None };
+        self.previous = PreviousVertex { receiver, pdf: pdf.map(SolidAnglePdf::new), along: None };
         self.event = event_of(&sample);
         self.go_on(point.ray_origin(wi), wi, pdf.unwrap_or(f32::INFINITY), u[3])
     }

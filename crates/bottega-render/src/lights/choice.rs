@@ -13,7 +13,7 @@ use bottega_kernels::Hit;
 use glam::Vec3;
 
 use super::{LightSample, Lights, NO_LIGHT, Receiver, tree::LightTree};
-use crate::{bsdf::warp::ONE_MINUS_EPSILON, sampler::Quad, surfaces::Surfaces};
+use crate::{bsdf::warp::ONE_MINUS_EPSILON, density::SolidAnglePdf, sampler::Quad, surfaces::Surfaces};
 
 /// Largest number of parts of the tree that a choice distinguishes.
 pub(crate) const PARTS: usize = 32;
@@ -325,7 +325,7 @@ impl Lights {
         by_tree * whole + self.near_by_choice(choice) * choice.probability(part) * below
     }
 
-    /// Returns the density per solid angle with which the point `p` of a hit on an emitting surface is drawn: by the
+    /// Returns the density with which the direction to the point `p` of a hit on an emitting surface is drawn: by the
     /// mixture, or by the tree alone without a choice.
     #[inline(always)]
     pub(crate) fn hit_pdf_by(
@@ -335,12 +335,12 @@ impl Lights {
         receiver: &Receiver,
         p: Vec3,
         choice: Option<&Choice>,
-    ) -> f32 {
-        let Some(light) = self.light_of(surfaces, hit) else { return 0.0 };
+    ) -> SolidAnglePdf {
+        let Some(light) = self.light_of(surfaces, hit) else { return SolidAnglePdf::ZERO };
         let pmf = match choice {
             None => self.pmf(receiver, light),
             Some(choice) => self.pmf_by(receiver, choice, light),
         };
-        if pmf > 0.0 { pmf * self.place_pdf(surfaces.scene(), light, receiver.p, p) } else { 0.0 }
+        if pmf > 0.0 { pmf * self.place_pdf(surfaces.scene(), light, receiver.p, p) } else { SolidAnglePdf::ZERO }
     }
 }

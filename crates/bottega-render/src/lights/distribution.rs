@@ -1,19 +1,17 @@
 //! Tabulated densities on the unit square, and sampling by them.
 
-use crate::flat::{NONE, TableRecord, WordBuffer};
-
 /// Largest f32 below 1.
 const ONE_BELOW: f32 = 1.0 - f32::EPSILON / 2.0;
 
 /// A density on the unit square that is constant within each cell of a grid.
 #[derive(Clone, Debug)]
-pub(super) struct Cells {
-    columns: usize,
-    rows: usize,
+pub(crate) struct Cells {
+    pub(crate) columns: usize,
+    pub(crate) rows: usize,
     /// Cumulative sums along each row, `[rows × (columns + 1)]`, from 0 to 1.
-    conditional: Vec<f32>,
+    pub(crate) conditional: Vec<f32>,
     /// Cumulative sums of the rows, `[rows + 1]`, from 0 to 1.
-    marginal: Vec<f32>,
+    pub(crate) marginal: Vec<f32>,
 }
 
 impl Cells {
@@ -29,15 +27,6 @@ impl Cells {
 
     pub(super) fn memory_bytes(&self) -> usize {
         size_of_val(&*self.conditional) + size_of_val(&*self.marginal)
-    }
-
-    /// Writes size, sums along each row, and sums of the rows.
-    pub(super) fn write(&self, words: &mut WordBuffer) -> TableRecord {
-        let sums = words.place();
-        words.numbers(&self.conditional);
-        let marginal = words.place();
-        words.numbers(&self.marginal);
-        TableRecord { columns: self.columns as u32, rows: self.rows as u32, values: NONE, sums, marginal }
     }
 
     fn row(&self, row: usize) -> &[f32] {
@@ -91,16 +80,16 @@ fn invert(sums: &[f32], u: f32) -> (usize, f32, f32) {
 /// A density that is bilinear between values at the centres of the cells of a grid: periodic along x, and constant beyond
 /// the outer centres along y. It follows the interpolated picture, not only its texels.
 #[derive(Clone, Debug)]
-pub(super) struct Bilinear {
-    columns: usize,
-    rows: usize,
+pub(crate) struct Bilinear {
+    pub(crate) columns: usize,
+    pub(crate) rows: usize,
     /// Values `[rows × columns]`, with mean 1.
-    values: Vec<f32>,
+    pub(crate) values: Vec<f32>,
     /// Cumulative sums of the values along each row, `[rows × (columns + 1)]`: from the centre of the first column to
     /// those of the others and back to the first, divided by the number of columns.
-    sums: Vec<f32>,
+    pub(crate) sums: Vec<f32>,
     /// Cumulative sums from the upper edge to the centre of each row and to the lower edge, `[rows + 2]`, from 0 to 1.
-    marginal: Vec<f32>,
+    pub(crate) marginal: Vec<f32>,
 }
 
 impl Bilinear {
@@ -138,17 +127,6 @@ impl Bilinear {
 
     pub(super) fn memory_bytes(&self) -> usize {
         size_of_val(&*self.values) + size_of_val(&*self.sums) + size_of_val(&*self.marginal)
-    }
-
-    /// Writes size, values, sums along each row, and sums of the rows.
-    pub(super) fn write(&self, words: &mut WordBuffer) -> TableRecord {
-        let values = words.place();
-        words.numbers(&self.values);
-        let sums = words.place();
-        words.numbers(&self.sums);
-        let marginal = words.place();
-        words.numbers(&self.marginal);
-        TableRecord { columns: self.columns as u32, rows: self.rows as u32, values, sums, marginal }
     }
 
     fn row_sums(&self, row: usize) -> &[f32] {

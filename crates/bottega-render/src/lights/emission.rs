@@ -18,7 +18,14 @@ use bottega_scene::{Environment, LightKind, Portal, Spectrum, TextureMap};
 use glam::{Vec2, Vec3};
 
 use super::{Light, NO_LIGHT, distribution::Cells, environment::EnvironmentLight, punctual, sun::Sun};
-use crate::{color::luminance, extent::Extent, prepare::PreparedScene, sampler::Quad, sampling::uniform_sphere};
+use crate::{
+    color::luminance,
+    density::{AreaPdf, SolidAnglePdf},
+    extent::Extent,
+    prepare::PreparedScene,
+    sampler::Quad,
+    sampling::uniform_sphere,
+};
 use place::{DirectionDensity, PhotonStart};
 use plan::{AIMED, FIRST, STEP};
 pub(crate) use plan::{AimCone, EmissionPlan};
@@ -59,10 +66,10 @@ impl PhotonStart {
         } else {
             is_within = aim.contains(direction);
         }
-        let pdf = match spread {
+        let pdf = SolidAnglePdf::new(match spread {
             DirectionDensity::Cosine(n) => n.dot(direction).max(0.0) * FRAC_1_PI,
             _ => 0.25 * FRAC_1_PI,
-        };
+        });
         (origin, direction, power * (pdf / aim.mixed(is_within, pdf)))
     }
 }
@@ -311,20 +318,20 @@ impl Emission {
             }
             EmissionSource::Sun(sun) => {
                 let (wi, radiance, pdf, _) = sun.sample(towards);
-                let (origin, disc) = plan.on_disc((self.center, self.radius), -wi, u[1], place);
-                PhotonStart::as_drawn(origin, -wi, radiance * (disc / pdf))
+                let (origin, by_area) = plan.on_disc((self.center, self.radius), -wi, u[1], place);
+                PhotonStart::as_drawn(origin, -wi, radiance * by_area.etendue(pdf))
             }
             EmissionSource::Environment => {
                 let (wi, radiance, pdf) = self.far(prepared, towards)?;
-                let (origin, disc) = plan.on_disc((self.center, self.radius), -wi, u[1], place);
-                PhotonStart::as_drawn(origin, -wi, radiance * (disc / pdf))
+                let (origin, by_area) = plan.on_disc((self.center, self.radius), -wi, u[1], place);
+                PhotonStart::as_drawn(origin, -wi, radiance * by_area.etendue(pdf))
             }
             EmissionSource::Portal(portal) => self.through(prepared, portal, place, towards)?,
         })
     }
 
-    /// Samples a direction towards the environment; returns it with its radiance and pdf.
-    fn far(&self, prepared: &PreparedScene, u: [f32; 2]) -> Option<(Vec3, Spectrum, f32)> {
+    /// Samples a direction towards the environment; returns it with its radiance and its density.
+    fn far(&self, prepared: &PreparedScene, u: [f32; 2]) -> Option<(Vec3, Spectrum, SolidAnglePdf)> {
         self.environment.as_ref()?.sample_at(prepared.scene(), self.center, [0.0, u[0], u[1], 0.0])
     }
 
@@ -344,7 +351,7 @@ impl Emission {
         }
         let origin = portal.corner + portal.edges[0] * x + portal.edges[1] * y;
         let hidden = prepared.accel().occluded(&Ray::new(origin, wi));
-        (!hidden).then(|| PhotonStart::as_drawn(origin, -wi, radiance * (projected / pdf)))
+        (!hidden).then(|| PhotonStart::as_drawn(origin, -wi, radiance * AreaPdf::uniform(projected).etendue(pdf)))
     }
 }
 

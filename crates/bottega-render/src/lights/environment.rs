@@ -14,12 +14,7 @@ use glam::{Mat3, Vec2, Vec3};
 
 use super::distribution::{Bilinear, Cells};
 use super::portal::Portals;
-use crate::{
-    color::luminance,
-    flat::{EnvironmentRecord, NONE, Record as _, TableRecord, WordBuffer, code, place_of},
-    sampler::Quad,
-    sampling::uniform_sphere,
-};
+use crate::{color::luminance, density::SolidAnglePdf, sampler::Quad, sampling::uniform_sphere};
 
 /// Largest size of the sampling table, in cells (columns, rows).
 const TABLE_SIZE_MAX: (usize, usize) = (4096, 2048);
@@ -27,14 +22,16 @@ const TABLE_SIZE_MAX: (usize, usize) = (4096, 2048);
 /// The environment with a table for sampling directions.
 #[derive(Clone, Debug)]
 pub(crate) struct EnvironmentLight {
-    picture: Option<TextureMap>,
-    mapping: EnvironmentMapping,
-    rows: Rows,
-    factor: Spectrum,
-    world_from_environment: Mat3,
-    table: Table,
+    /// The picture; `None`: the radiance is `factor` everywhere.
+    pub(crate) picture: Option<TextureMap>,
+    pub(crate) mapping: EnvironmentMapping,
+    pub(crate) rows: EnvironmentRows,
+    pub(crate) factor: Spectrum,
+    /// Rotation from environment space to world space.
+    pub(crate) world_from_environment: Mat3,
+    pub(crate) table: EnvironmentTable,
     /// Luminance integrated over the sphere, of the part that the table represents.
-    integral: f32,
+    pub(crate) integral: f32,
     /// `true`: the table leaves a part to BSDF sampling.
     is_compensated: bool,
     /// Portals through which alone the environment is seen; they replace the table.
@@ -45,12 +42,14 @@ pub(crate) struct EnvironmentLight {
 
 /// The mapping from latitudes (0 to 1, pole to pole) to rows of a picture (0 to 1, top to bottom).
 #[derive(Clone, Copy, Debug)]
-struct Rows {
-    scale: f32,
-    offset: f32,
+pub(crate) struct EnvironmentRows {
+    /// Factor of the latitude.
+    pub(crate) scale: f32,
+    /// Row of latitude 0.
+    pub(crate) offset: f32,
 }
 
-impl Rows {
+impl EnvironmentRows {
     /// Creates the mapping.
     ///
     /// - `height`: height of the picture in texels.
@@ -73,7 +72,7 @@ impl Rows {
 
 /// The sampling of directions.
 #[derive(Clone, Debug)]
-enum Table {
+pub(crate) enum EnvironmentTable {
     /// No sampling: BSDF sampling finds all light.
     None,
     /// Uniform over the sphere.
@@ -100,10 +99,10 @@ impl EnvironmentLight {
         let mut light = Self {
             picture,
             mapping: environment.mapping,
-            rows: Rows::new(environment.mapping, height),
+            rows: EnvironmentRows::new(environment.mapping, height),
             factor: environment.factor,
             world_from_environment: environment.world_from_environment,
-            table: if compensate { Table::None } else { Table::Uniform },
+            table: if compensate { EnvironmentTable::None } else { EnvironmentTable::Uniform },
             integral: 4.0 * PI * luminance(environment.factor),
             is_compensated: compensate && environment.portals.is_empty(),
             portals: None,
@@ -131,7 +130,7 @@ impl EnvironmentLight {
     }
 
     /// Returns the table over a picture, and the integral of the luminance that it represents.
-    fn tabulate(&self, scene: &Scene, columns: usize, rows: usize, compensate: bool) -> (Table, f32) {
+    fn tabulate(&self, scene: &Scene, columns: usize, rows: usize, compensate: bool) -> (EnvironmentTable, f32) {
         // Solid angle of a cell over the mean of all cells. Pictures with rows at the poles may be small: their weights
         // integrate exactly over the interpolation between rows
         let height = PI / (rows as f32 * self.rows.scale);
@@ -168,10 +167,10 @@ impl EnvironmentLight {
             cells.iter_mut().for_each(|cell| *cell *= weight(row));
         }
         let table = match self.mapping {
-            EnvironmentMapping::EqualArea => Cells::new(&cells, columns, rows).map(Table::Cells),
-            _ => Bilinear::new(cells, columns, rows).map(Table::Bilinear),
+            EnvironmentMapping::EqualArea => Cells::new(&cells, columns, rows).map(EnvironmentTable::Cells),
+            _ => Bilinear::new(cells, columns, rows).map(EnvironmentTable::Bilinear),
         };
-        (table.unwrap_or(Table::None), integral)
+        (table.unwrap_or(EnvironmentTable::None), integral)
     }
 
     /// Returns the luminance of each cell: of its texel, or the mean of its texels if the table is coarser than the
@@ -197,33 +196,6 @@ impl EnvironmentLight {
         cells
     }
 
-    /// Writes the environment without its portals: kind of table (0: none, 1: uniform, 2: bilinear, 3: cells), mapping,
-    /// factor, world from environment, integral, picture, table, scale and offset of its rows. Returns the offset in
-    /// words.
-    pub(crate) fn write(&self, words: &mut WordBuffer) -> u32 {
-        let (kind, table) = match &self.table {
-            Table::None => (code::DENSITY_NONE, TableRecord::NONE),
-            Table::Uniform => (code::DENSITY_UNIFORM, TableRecord::NONE),
-            Table::Bilinear(table) => (code::DENSITY_BILINEAR, table.write(words)),
-            Table::Cells(table) => (code::DENSITY_CELLS, table.write(words)),
-        };
-        let place = words.record(&EnvironmentRecord {
-            kind,
-            is_equal_area: self.mapping == EnvironmentMapping::EqualArea,
-            factor: self.factor,
-            world_from_environment: self.world_from_environment,
-            integral: self.integral,
-            picture: NONE,
-            table,
-            rows_scale: self.rows.scale,
-            rows_offset: self.rows.offset,
-        });
-        if let Some(picture) = self.picture {
-            words.picture(place + const { place_of(EnvironmentRecord::FIELDS, "picture") }, picture);
-        }
-        place
-    }
-
     /// Returns true if light sampling alone finds all of the environment's light.
     pub(crate) fn is_found(&self) -> bool {
         !self.is_compensated
@@ -231,7 +203,7 @@ impl EnvironmentLight {
 
     /// Returns true if light sampling draws any directions of the environment.
     pub(crate) fn is_sampled(&self) -> bool {
-        self.portals.is_some() || !matches!(self.table, Table::None)
+        self.portals.is_some() || !matches!(self.table, EnvironmentTable::None)
     }
 
     /// Returns an estimate of the illuminance by sampled directions at a point: the mean over all orientations of a
@@ -243,7 +215,7 @@ impl EnvironmentLight {
         }
         match (&self.portals, &self.table) {
             (Some(portals), _) => 0.25 * portals.integral(from),
-            (None, Table::None) => 0.0,
+            (None, EnvironmentTable::None) => 0.0,
             (None, _) => 0.25 * self.integral,
         }
     }
@@ -258,25 +230,25 @@ impl EnvironmentLight {
         }
     }
 
-    /// Samples a direction at a point: returns it with its radiance and pdf per solid angle. `u[0]` chooses a portal,
-    /// `u[1]` and `u[2]` the direction.
-    pub(crate) fn sample_at(&self, scene: &Scene, from: Vec3, u: Quad) -> Option<(Vec3, Spectrum, f32)> {
+    /// Samples a direction at a point: returns it with its radiance and its density. `u[0]` chooses a portal, `u[1]` and
+    /// `u[2]` the direction.
+    pub(crate) fn sample_at(&self, scene: &Scene, from: Vec3, u: Quad) -> Option<(Vec3, Spectrum, SolidAnglePdf)> {
         let Some(portals) = &self.portals else { return self.sample(scene, [u[1], u[2]]) };
         let direction = portals.sample(from, u)?;
         let pdf = portals.pdf(from, direction);
-        (pdf > 0.0 && pdf.is_finite()).then(|| (direction, self.radiance_at(scene, from, direction), pdf))
+        pdf.is_sound().then(|| (direction, self.radiance_at(scene, from, direction), pdf))
     }
 
-    /// Returns the density per solid angle with which [`Self::sample_at`] draws a direction.
-    pub(crate) fn pdf_at(&self, from: Vec3, direction: Vec3) -> f32 {
+    /// Returns the density with which [`Self::sample_at`] draws a direction.
+    pub(crate) fn pdf_at(&self, from: Vec3, direction: Vec3) -> SolidAnglePdf {
         self.portals.as_ref().map_or_else(|| self.pdf(direction), |portals| portals.pdf(from, direction))
     }
 
     pub(crate) fn memory_bytes(&self) -> usize {
         let table = match &self.table {
-            Table::None | Table::Uniform => 0,
-            Table::Bilinear(table) => table.memory_bytes(),
-            Table::Cells(table) => table.memory_bytes(),
+            EnvironmentTable::None | EnvironmentTable::Uniform => 0,
+            EnvironmentTable::Bilinear(table) => table.memory_bytes(),
+            EnvironmentTable::Cells(table) => table.memory_bytes(),
         };
         table + self.portals.as_ref().map_or(0, Portals::memory_bytes)
     }
@@ -312,15 +284,15 @@ impl EnvironmentLight {
         })
     }
 
-    /// Samples a direction of the whole sphere: returns it with its radiance and pdf per solid angle.
-    fn sample(&self, scene: &Scene, u: [f32; 2]) -> Option<(Vec3, Spectrum, f32)> {
+    /// Samples a direction of the whole sphere: returns it with its radiance and its density.
+    fn sample(&self, scene: &Scene, u: [f32; 2]) -> Option<(Vec3, Spectrum, SolidAnglePdf)> {
         let (local, uv, pdf) = match &self.table {
-            Table::None => return None,
-            Table::Uniform => {
+            EnvironmentTable::None => return None,
+            EnvironmentTable::Uniform => {
                 let direction = uniform_sphere(u);
-                return Some((direction, self.radiance(scene, direction), 1.0 / (4.0 * PI)));
+                return Some((direction, self.radiance(scene, direction), SolidAnglePdf::uniform(4.0 * PI)));
             }
-            Table::Bilinear(table) => {
+            EnvironmentTable::Bilinear(table) => {
                 let (uv, density) = table.sample(u);
                 let latitude = self.rows.latitude_from_picture(uv[1]);
                 if !(0.0..=1.0).contains(&latitude) {
@@ -331,22 +303,22 @@ impl EnvironmentLight {
                 let local = Vec3::new(sin_theta * sin_phi, cos_theta, -sin_theta * cos_phi);
                 (local, Vec2::from(uv), self.rows.scale * density / (2.0 * PI * PI * sin_theta))
             }
-            Table::Cells(table) => {
+            EnvironmentTable::Cells(table) => {
                 let (uv, density) = table.sample(u);
                 (direction_of_square(uv.into()), Vec2::from(uv), density / (4.0 * PI))
             }
         };
-        let is_sound = pdf > 0.0 && pdf.is_finite();
-        is_sound.then(|| (self.world_from_environment * local, self.lookup(scene, uv, 0.0), pdf))
+        let pdf = SolidAnglePdf::new(pdf);
+        pdf.is_sound().then(|| (self.world_from_environment * local, self.lookup(scene, uv, 0.0), pdf))
     }
 
-    /// Returns the density per solid angle with which [`Self::sample`] draws a direction.
-    fn pdf(&self, direction: Vec3) -> f32 {
+    /// Returns the density with which [`Self::sample`] draws a direction.
+    fn pdf(&self, direction: Vec3) -> SolidAnglePdf {
         let local = self.world_from_environment.transpose() * direction;
-        match &self.table {
-            Table::None => 0.0,
-            Table::Uniform => 1.0 / (4.0 * PI),
-            Table::Bilinear(table) => {
+        SolidAnglePdf::new(match &self.table {
+            EnvironmentTable::None => 0.0,
+            EnvironmentTable::Uniform => 1.0 / (4.0 * PI),
+            EnvironmentTable::Bilinear(table) => {
                 let sin_theta = (local.x * local.x + local.z * local.z).sqrt();
                 if sin_theta > 0.0 {
                     self.rows.scale * table.density(self.uv_of(local).into()) / (2.0 * PI * PI * sin_theta)
@@ -354,8 +326,8 @@ impl EnvironmentLight {
                     0.0
                 }
             }
-            Table::Cells(table) => table.density(square_of(local).into()) / (4.0 * PI),
-        }
+            EnvironmentTable::Cells(table) => table.density(square_of(local).into()) / (4.0 * PI),
+        })
     }
 }
 
@@ -416,6 +388,16 @@ mod tests {
         }
     }
 
+    /// Samples a direction; returns it with its radiance and its density in sr⁻¹.
+    fn sample(light: &EnvironmentLight, scene: &Scene, u: [f32; 2]) -> Option<(Vec3, Spectrum, f32)> {
+        light.sample(scene, u).map(|(direction, radiance, pdf)| (direction, radiance, pdf.per_sr()))
+    }
+
+    /// Returns the density of a direction in sr⁻¹.
+    fn density(light: &EnvironmentLight, direction: Vec3) -> f32 {
+        light.pdf(direction).per_sr()
+    }
+
     fn grid(side: u32) -> impl Iterator<Item = [f32; 2]> {
         (0..side * side)
             .map(move |i| [((i % side) as f32 + 0.5) / side as f32, ((i / side) as f32 + 0.5) / side as f32])
@@ -427,9 +409,9 @@ mod tests {
         let light = EnvironmentLight::new(&scene, &environment(), false);
         let mut by_light = Spectrum::ZERO;
         for u in grid(128) {
-            let (direction, radiance, pdf) = light.sample(&scene, u).unwrap();
+            let (direction, radiance, pdf) = sample(&light, &scene, u).unwrap();
             assert!(direction.is_normalized());
-            let again = light.pdf(direction);
+            let again = density(&light, direction);
             // Rounding moves some directions into the next cell.
             if (again - pdf).abs() < 1e-3 * pdf {
                 assert!((light.radiance(&scene, direction) - radiance).length() < 0.05 * radiance.length());
@@ -459,8 +441,8 @@ mod tests {
         }
         let mut by_light = Spectrum::ZERO;
         for u in grid(256) {
-            let Some((direction, radiance, pdf)) = light.sample(&scene, u) else { continue };
-            assert!((light.pdf(direction) / pdf - 1.0).abs() < 0.02, "{direction}");
+            let Some((direction, radiance, pdf)) = sample(&light, &scene, u) else { continue };
+            assert!((density(&light, direction) / pdf - 1.0).abs() < 0.02, "{direction}");
             by_light += radiance / pdf / 65536.0;
         }
         let by_uniform =
@@ -475,7 +457,7 @@ mod tests {
         for compensate in [false, true] {
             let light = EnvironmentLight::new(&scene, &environment(), compensate);
             let same = grid(64).filter(|&u| {
-                light.sample(&scene, u).is_some_and(|(d, _, pdf)| (light.pdf(d) - pdf).abs() < 1e-3 * pdf)
+                sample(&light, &scene, u).is_some_and(|(d, _, pdf)| (density(&light, d) - pdf).abs() < 1e-3 * pdf)
             });
             assert!(same.count() > 4000);
         }
@@ -485,7 +467,7 @@ mod tests {
     fn the_density_integrates_to_one() {
         let scene = scene_with((16, 8), |x, y| [(x + y) as f32; 3]);
         let light = EnvironmentLight::new(&scene, &environment(), true);
-        let integral: f32 = grid(256).map(|u| light.pdf(uniform_sphere(u))).sum::<f32>() * 4.0 * PI / 65536.0;
+        let integral: f32 = grid(256).map(|u| density(&light, uniform_sphere(u))).sum::<f32>() * 4.0 * PI / 65536.0;
         assert!((integral - 1.0).abs() < 0.02, "{integral}");
     }
 
@@ -505,7 +487,7 @@ mod tests {
         let light = EnvironmentLight::new(&scene, &environment, false);
         let mut by_light = Spectrum::ZERO;
         for u in grid(600) {
-            let (direction, radiance, pdf) = light.sample(&scene, u).unwrap();
+            let (direction, radiance, pdf) = sample(&light, &scene, u).unwrap();
             assert!(direction.is_normalized() && radiance != Spectrum::ZERO);
             by_light += radiance / pdf / 360_000.0;
         }
@@ -513,7 +495,7 @@ mod tests {
             grid(256).map(|u| light.radiance(&scene, uniform_sphere(u))).sum::<Spectrum>() * (4.0 * PI / 65536.0);
         assert!((by_light / by_uniform - 1.0).abs().max_element() < 0.01, "{by_light} {by_uniform}");
         assert!((light.integral / luminance(by_uniform) - 1.0).abs() < 0.01);
-        let density: f32 = grid(256).map(|u| light.pdf(uniform_sphere(u))).sum::<f32>() * 4.0 * PI / 65536.0;
+        let density: f32 = grid(256).map(|u| density(&light, uniform_sphere(u))).sum::<f32>() * 4.0 * PI / 65536.0;
         assert!((density - 1.0).abs() < 0.01, "{density}");
     }
 
@@ -541,7 +523,7 @@ mod tests {
             let light = EnvironmentLight::new(&scene, &environment(), compensate);
             let mut values = Vec::new();
             for u in grid(64) {
-                let (_, radiance, pdf) = light.sample(&scene, u).unwrap();
+                let (_, radiance, pdf) = sample(&light, &scene, u).unwrap();
                 values.push(luminance(radiance) / pdf);
             }
             let mean = values.iter().sum::<f32>() / values.len() as f32;
@@ -560,7 +542,7 @@ mod tests {
             let direction = uniform_sphere(u);
             let radiance = luminance(light.radiance(&scene, direction));
             // Near the poles, the weights of a table of eight rows are within a factor of three
-            assert!(radiance <= 1e-5 || radiance / light.pdf(direction) < 3.0 * light.integral, "{direction}");
+            assert!(radiance <= 1e-5 || radiance / density(&light, direction) < 3.0 * light.integral, "{direction}");
         }
     }
 
@@ -577,9 +559,9 @@ mod tests {
         assert!(
             light.illuminance(Vec3::ZERO) == 0.0
                 && !light.is_sampled()
-                && light.sample(&Scene::default(), [0.5; 2]).is_none()
+                && sample(&light, &Scene::default(), [0.5; 2]).is_none()
         );
         let light = EnvironmentLight::new(&Scene::default(), &Environment { image: None, ..environment() }, false);
-        assert!(light.illuminance(Vec3::ZERO) > 0.0 && light.pdf(Vec3::X) == 1.0 / (4.0 * PI));
+        assert!(light.illuminance(Vec3::ZERO) > 0.0 && density(&light, Vec3::X) == 1.0 / (4.0 * PI));
     }
 }

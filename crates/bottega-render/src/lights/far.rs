@@ -4,6 +4,7 @@ use bottega_scene::{Scene, Spectrum, Visibility};
 use glam::Vec3;
 
 use super::{Choice, Lights, Receiver, environment::EnvironmentLight};
+use crate::density::SolidAnglePdf;
 
 /// A light at infinity that paths find when they leave the scene.
 #[derive(Clone, Copy, Debug)]
@@ -36,32 +37,31 @@ impl Lights {
         }
     }
 
-    /// Returns the density per solid angle with which light sampling draws a direction towards a light at infinity: by the
-    /// mixture of [`Self::sample_by`], or by [`Self::sample`] without a choice.
+    /// Returns the density with which light sampling draws a direction towards a light at infinity: by the mixture of
+    /// [`Self::sample_by`], or by [`Self::sample`] without a choice.
     pub(crate) fn far_pdf(
         &self,
         receiver: &Receiver,
         choice: Option<&Choice>,
         light: FarLight,
         direction: Vec3,
-    ) -> f32 {
+    ) -> SolidAnglePdf {
         let importance = match light {
             FarLight::Environment => self.environment.as_ref().map_or(0.0, |light| light.illuminance(receiver.p)),
             FarLight::Sun(index) => self.suns[index].importance(receiver),
         };
         let total = self.far_total(receiver);
         if importance <= 0.0 || total <= 0.0 {
-            return 0.0;
+            return SolidAnglePdf::ZERO;
         }
         let share = match choice.filter(|choice| choice.has_share()) {
             None => self.far_share(receiver),
             Some(choice) => self.far_share_by(receiver, choice),
         };
         let pmf = share * importance / total;
+        let of_environment = |light: &EnvironmentLight| light.pdf_at(receiver.p, direction);
         pmf * match light {
-            FarLight::Environment => {
-                self.environment.as_ref().map_or(0.0, |light: &EnvironmentLight| light.pdf_at(receiver.p, direction))
-            }
+            FarLight::Environment => self.environment.as_ref().map_or(SolidAnglePdf::ZERO, of_environment),
             FarLight::Sun(index) => self.suns[index].pdf(),
         }
     }

@@ -10,9 +10,9 @@ mod distribution;
 mod emission;
 mod environment;
 mod far;
-mod flat;
 mod groups;
 mod moving;
+mod panel;
 mod portal;
 mod posed;
 mod profile;
@@ -33,22 +33,22 @@ use bottega_kernels::Hit;
 use bottega_scene::{LightKind, Scene, Sphere, Visibility};
 use glam::Vec3;
 
-use crate::{bsdf::warp::ONE_MINUS_EPSILON, sampler::Quad, surfaces::Surfaces};
+use crate::{bsdf::warp::ONE_MINUS_EPSILON, density::SolidAnglePdf, sampler::Quad, surfaces::Surfaces};
 use bounds::LightBounds;
 pub(crate) use choice::{Choice, NUMBERS as CHOICE_NUMBERS, RequestedLight};
+pub(crate) use distribution::{Bilinear, Cells};
 pub(crate) use emission::{AimCone, Emission, EmissionPlan, EmittedPhoton};
-use environment::EnvironmentLight;
-pub(crate) use environment::direction_of_square;
+pub(crate) use environment::{EnvironmentLight, EnvironmentRows, EnvironmentTable, direction_of_square};
 pub(crate) use far::FarLight;
 pub use groups::LightGroups;
+pub(crate) use panel::{Grid, Panel, PanelPart, PanelShape};
 pub(crate) use profile::Profile;
 pub(crate) use sample::{LightSample, NO_LIGHT, Receiver};
-use sun::Sun;
+pub(crate) use sun::Sun;
 pub use surface::SOLID_ANGLE_MIN;
-use surface::{Grid, Panel, PanelShape, SurfaceLight};
+pub(crate) use surface::SurfaceLight;
 pub use tree::DISTANCE_SQUARED_MIN;
-use tree::LightTree;
-pub(crate) use tree::{Arc, Segment};
+pub(crate) use tree::{Arc, LightNode, LightTree, Segment};
 
 /// Smallest probability of sampling lights at infinity, and of sampling the others, where both exist; their estimates
 /// ignore visibility.
@@ -57,25 +57,25 @@ pub const SHARE_MIN: f32 = 0.1;
 /// All lights of a scene.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Lights {
-    environment: Option<EnvironmentLight>,
+    pub(crate) environment: Option<EnvironmentLight>,
     /// Lights at infinity with a direction.
-    suns: Vec<Sun>,
-    tree: LightTree,
+    pub(crate) suns: Vec<Sun>,
+    pub(crate) tree: LightTree,
     /// Lights by number in the tree.
-    lights: Vec<Light>,
+    pub(crate) lights: Vec<Light>,
     /// Emitting spheres as (index in the scene, number in the tree), ascending; [`NO_LIGHT`] for dark ones.
     spheres: Vec<(u32, u32)>,
     /// Emitting triangles, instance by instance.
-    triangles: Vec<TriangleLight>,
+    pub(crate) triangles: Vec<TriangleLight>,
     /// Numbers in the tree of the parts of all panels; [`NO_LIGHT`] for dark ones.
-    parts: Vec<u32>,
+    pub(crate) parts: Vec<u32>,
     /// Kinds of ray that find the lights of the tree; empty: all that leave an event.
     visibilities: Vec<Visibility>,
 }
 
 /// A light of the tree.
 #[derive(Clone, Copy, Debug)]
-enum Light {
+pub(crate) enum Light {
     /// A light without extent; index into the scene's lights.
     Punctual(u32),
     /// An emitting sphere; index into the scene's spheres.
@@ -85,12 +85,15 @@ enum Light {
 
 /// The light that a triangle belongs to.
 #[derive(Clone, Copy, Debug)]
-struct TriangleLight {
+pub(crate) struct TriangleLight {
     /// Index in [`Lights::parts`] of the first part of its panel.
-    first_part: u32,
-    shape: PanelShape,
-    is_second: bool,
-    grid: Grid,
+    pub(crate) first_part: u32,
+    /// Shape of its panel.
+    pub(crate) shape: PanelShape,
+    /// `true`: the second triangle of a rectangle.
+    pub(crate) is_second: bool,
+    /// Division of its panel.
+    pub(crate) grid: Grid,
 }
 
 /// Lights and their bounds, collected before the tree is built.
@@ -182,7 +185,7 @@ impl Lights {
                 is_second: i > 0,
                 grid,
             }));
-            let parts = panel.lights(scene, grid).into_iter();
+            let parts = SurfaceLight::of_panel(panel, scene, grid).into_iter();
             self.parts.extend(parts.map(|(light, bounds)| {
                 let bounds = moving::along_panel(surfaces, panel, bounds);
                 collected.push(Light::Surface(light), bounds)
@@ -226,7 +229,7 @@ impl Lights {
     }
 
     /// Returns true if there are sampled lights at infinity.
-    fn has_far(&self) -> bool {
+    pub(crate) fn has_far(&self) -> bool {
         !self.suns.is_empty() || self.environment.as_ref().is_some_and(EnvironmentLight::is_sampled)
     }
 
@@ -273,7 +276,7 @@ impl Lights {
         Some(LightSample { pdf: sample.pdf * pmf, pmf, ..sample })
     }
 
-    /// Samples a point on a given light: `pdf` is the density of the point alone.
+    /// Samples a point on a given light: `pdf` is the density of the direction alone.
     #[inline(always)]
     pub(crate) fn sample_place(&self, surfaces: &Surfaces, light: u32, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
         let sample = match &self.lights[light as usize] {
@@ -287,12 +290,12 @@ impl Lights {
         Some(LightSample { light, visibility: self.visibility_of(light), ..sample })
     }
 
-    /// Returns the density per solid angle with which [`Self::sample_place`] draws the point `p` on a light with extent.
-    pub(crate) fn place_pdf(&self, scene: &Scene, light: u32, from: Vec3, p: Vec3) -> f32 {
+    /// Returns the density with which [`Self::sample_place`] draws the direction to the point `p` on a light with extent.
+    pub(crate) fn place_pdf(&self, scene: &Scene, light: u32, from: Vec3, p: Vec3) -> SolidAnglePdf {
         match &self.lights[light as usize] {
             Light::Surface(surface) => surface.pdf(from, p),
             Light::Sphere(index) => sphere::pdf(&scene.spheres[*index as usize], from, p),
-            Light::Punctual(_) => 0.0,
+            Light::Punctual(_) => SolidAnglePdf::ZERO,
         }
     }
 
@@ -326,7 +329,7 @@ impl Lights {
     ) -> Option<LightSample> {
         let total = self.far_total(receiver);
         let mut rest = u * total;
-        let far = |sun, wi, radiance, pdf: f32, pmf: f32, is_delta, visibility| LightSample {
+        let far = |sun, wi, radiance, pdf: SolidAnglePdf, pmf: f32, is_delta, visibility| LightSample {
             wi,
             distance: f32::INFINITY,
             radiance,
@@ -386,9 +389,9 @@ impl Lights {
         if near > 0.0 { near * self.tree.pmf(receiver, light) } else { 0.0 }
     }
 
-    /// Returns the density per solid angle with which [`Self::sample`] draws the point `p` of a hit on an emitting
+    /// Returns the density with which [`Self::sample`] draws the direction to the point `p` of a hit on an emitting
     /// surface.
-    pub(crate) fn hit_pdf(&self, surfaces: &Surfaces, hit: &Hit, receiver: &Receiver, p: Vec3) -> f32 {
+    pub(crate) fn hit_pdf(&self, surfaces: &Surfaces, hit: &Hit, receiver: &Receiver, p: Vec3) -> SolidAnglePdf {
         self.hit_pdf_by(surfaces, hit, receiver, p, None)
     }
 

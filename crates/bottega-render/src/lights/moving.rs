@@ -5,7 +5,7 @@ use glam::Vec3;
 
 use super::{
     bounds::{Cone, LightBounds},
-    surface::Panel,
+    panel::Panel,
 };
 use crate::surfaces::Surfaces;
 
@@ -34,14 +34,14 @@ pub(super) fn along_panel(surfaces: &Surfaces, panel: &Panel, bounds: LightBound
         return bounds;
     }
     let (scene, motion) = (surfaces.scene(), surfaces.motion());
-    let instance = &scene.instances[panel.instance() as usize];
+    let instance = &scene.instances[panel.instance as usize];
     let mesh = &scene.meshes[instance.mesh as usize];
     let triangle = mesh.triangles[panel.triangle as usize];
     // Bound the triangle in object space, then its path
     let moved = motion.triangle_bounds(scene, instance.mesh, triangle);
     let still = || triangle.iter().fold(Aabb::EMPTY, |all, &vertex| all.with(mesh.positions[vertex as usize]));
     let object = moved.unwrap_or_else(still);
-    let transform = motion.instance(panel.instance());
+    let transform = motion.instance(panel.instance);
     let path = match transform {
         Some(moving) => along(moving, &object),
         None => {

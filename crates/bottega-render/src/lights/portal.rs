@@ -8,7 +8,7 @@ use bottega_scene::{Portal, Spectrum};
 use glam::{Mat3, Vec3};
 
 use super::window::{UnitWindow, WindowTable};
-use crate::{color::luminance, sampler::Quad};
+use crate::{color::luminance, density::SolidAnglePdf, sampler::Quad};
 
 /// Largest number of cells per side of the table, which covers directions within half a turn in both angles.
 const SIDE_MAX: usize = 1024;
@@ -72,12 +72,12 @@ impl Portals {
         None
     }
 
-    /// Returns the density per solid angle with which a direction is drawn. A portal is chosen by its integral; within
-    /// it, the density is its value over its integral.
-    pub(super) fn pdf(&self, from: Vec3, direction: Vec3) -> f32 {
+    /// Returns the density with which a direction is drawn. A portal is chosen by its integral; within it, the density is
+    /// its value over its integral.
+    pub(super) fn pdf(&self, from: Vec3, direction: Vec3) -> SolidAnglePdf {
         let crossed = self.0.iter().filter(|opening| opening.is_crossed(from, direction));
         let sum: f32 = crossed.map(|opening| opening.density(direction)).sum();
-        if sum > 0.0 { sum / self.integral(from) } else { 0.0 }
+        SolidAnglePdf::new(if sum > 0.0 { sum / self.integral(from) } else { 0.0 })
     }
 }
 
@@ -194,7 +194,7 @@ mod tests {
                 let choice = (u[0] * 61.0 + u[1] * 17.0).fract();
                 let Some(direction) = portals.sample(from, [choice, u[0], u[1], 0.0]) else { continue };
                 assert!((direction.length() - 1.0).abs() < 1e-5);
-                let pdf = portals.pdf(from, direction);
+                let pdf = portals.pdf(from, direction).per_sr();
                 // Rounding moves a few directions out of their portal
                 if pdf > 0.0 {
                     let count = portals.count(from, direction) as f32;
@@ -222,7 +222,7 @@ mod tests {
         for i in 0..1024u16 {
             for j in 0..1024u16 {
                 let direction = uniform_sphere([(f32::from(i) + 0.5) / 1024.0, (f32::from(j) + 0.5) / 1024.0]);
-                sum += f64::from(portals.pdf(from, direction)) * 4.0 * std::f64::consts::PI / 1_048_576.0;
+                sum += f64::from(portals.pdf(from, direction).per_sr()) * 4.0 * std::f64::consts::PI / 1_048_576.0;
             }
         }
         assert!((sum - 1.0).abs() < 0.01, "{sum}");

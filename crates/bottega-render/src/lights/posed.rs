@@ -7,7 +7,7 @@ use bottega_scene::{LightKind, Sphere};
 use glam::Vec3;
 
 use super::{Arc, Light, LightSample, Lights, Receiver, Segment, punctual, sphere, surface::SurfaceLight};
-use crate::{sampler::Quad, surfaces::Surfaces};
+use crate::{density::SolidAnglePdf, sampler::Quad, surfaces::Surfaces};
 
 /// A moving light as it is at a time.
 enum PosedLight {
@@ -66,13 +66,20 @@ impl Lights {
         Some(LightSample { light, visibility: self.visibility_of(light), ..sample })
     }
 
-    /// Returns the density of a point on a light at a time; see [`Self::place_pdf`].
-    pub(crate) fn place_pdf_at(&self, surfaces: &Surfaces, light: u32, from: Vec3, p: Vec3, time: f32) -> f32 {
+    /// Returns the density of the direction to a point on a light at a time; see [`Self::place_pdf`].
+    pub(crate) fn place_pdf_at(
+        &self,
+        surfaces: &Surfaces,
+        light: u32,
+        from: Vec3,
+        p: Vec3,
+        time: f32,
+    ) -> SolidAnglePdf {
         match self.posed(surfaces, light, time) {
             None => self.place_pdf(surfaces.scene(), light, from, p),
             Some(PosedLight::Surface(surface)) => surface.pdf(from, p),
             Some(PosedLight::Sphere(sphere)) => sphere::pdf(&sphere, from, p),
-            Some(PosedLight::Punctual(_)) => 0.0,
+            Some(PosedLight::Punctual(_)) => SolidAnglePdf::ZERO,
         }
     }
 

@@ -16,7 +16,7 @@ use super::{
     bounds::{Cone, LightBounds},
     environment::{direction_of_square, square_of},
 };
-use crate::{color::luminance, sampling::around};
+use crate::{color::luminance, density::SolidAnglePdf, sampling::around};
 
 /// Smallest angle over which a light fades, in radians.
 pub(super) const FADE_MIN: f32 = 0.01;
@@ -165,7 +165,7 @@ fn from_point(position: Vec3, p: Vec3, intensity: impl Fn(Vec3) -> Spectrum) -> 
         wi,
         distance,
         radiance,
-        pdf: 1.0,
+        pdf: SolidAnglePdf::ONLY,
         is_delta: true,
         light: NO_LIGHT,
         sun: NO_LIGHT,

@@ -5,6 +5,8 @@ use std::f32::consts::PI;
 use bottega_kernels::math;
 use glam::Vec3;
 
+use crate::density::SolidAnglePdf;
+
 /// The projection of a rectangle onto the unit sphere around a point.
 ///
 /// Source: Ureña, Fajardo and King 2013, *An Area-Preserving Parametrization for Spherical Rectangles*.
@@ -77,10 +79,10 @@ impl SphericalRectangle {
         })
     }
 
-    /// Returns the density per solid angle of [`Self::sample`].
+    /// Returns the density of the directions that [`Self::sample`] draws.
     #[inline(always)]
-    pub(super) fn pdf(&self) -> f32 {
-        1.0 / self.area
+    pub(super) fn pdf(&self) -> SolidAnglePdf {
+        SolidAnglePdf::uniform(self.area)
     }
 
     /// Draws a point whose direction is uniform over the projection; returns its coordinates in [0, 1] along both sides.
@@ -135,7 +137,7 @@ mod tests {
         for (corner, x, y) in rectangles {
             let spherical = SphericalRectangle::new(&Rectangle::new(corner, x, y), Vec3::ZERO).unwrap();
             let area = by_area(corner, x, y, |_| 1.0);
-            assert!((1.0 / f64::from(spherical.pdf()) / area - 1.0).abs() < 2e-3, "{} {area}", spherical.area);
+            assert!((1.0 / f64::from(spherical.pdf().per_sr()) / area - 1.0).abs() < 2e-3, "{} {area}", spherical.area);
             for axis in [Vec3::X, Vec3::Y, Vec3::Z, Vec3::new(0.6, -0.8, 0.0)] {
                 let g = |d: Vec3| f64::from(d.dot(axis)).powi(3) + 0.5 * f64::from(d.dot(axis));
                 let mean = grid(200)

@@ -3,6 +3,8 @@
 use bottega_scene::{Spectrum, Visibility};
 use glam::Vec3;
 
+use crate::density::SolidAnglePdf;
+
 /// Index that stands for "no light".
 pub(crate) const NO_LIGHT: u32 = u32::MAX;
 
@@ -15,8 +17,8 @@ pub(crate) struct LightSample {
     pub(crate) distance: f32,
     /// Radiance along `wi`, before visibility. For a light without extent: intensity over squared distance.
     pub(crate) radiance: Spectrum,
-    /// Density per solid angle; for a light without extent: the probability alone.
-    pub(crate) pdf: f32,
+    /// Density of `wi`; for a light without extent: the probability alone, see [`SolidAnglePdf::ONLY`].
+    pub(crate) pdf: SolidAnglePdf,
     /// `true`: only light sampling can find the light.
     pub(crate) is_delta: bool,
     /// Index of the light in the tree; [`NO_LIGHT`] for lights at infinity.
@@ -27,6 +29,14 @@ pub(crate) struct LightSample {
     pub(crate) pmf: f32,
     /// Kinds of ray that find the light.
     pub(crate) visibility: Visibility,
+}
+
+impl LightSample {
+    /// Returns the density of the direction, given that this light is chosen.
+    #[inline(always)]
+    pub(crate) fn pdf_of_place(&self) -> SolidAnglePdf {
+        SolidAnglePdf::new(self.pdf.per_sr() / self.pmf)
+    }
 }
 
 /// A point that receives light.

@@ -15,6 +15,7 @@ use glam::Vec3;
 use super::{LightSample, NO_LIGHT, Profile, bounds::LightBounds};
 use crate::{
     color::luminance,
+    density::{AreaPdf, SolidAnglePdf},
     interaction::{emitted_by_sphere, opacity_of_sphere},
     sampling::{orthonormal_basis, uniform_sphere},
     surfaces::Surfaces,
@@ -63,8 +64,8 @@ impl VisibleCone {
         })
     }
 
-    fn pdf(&self) -> f32 {
-        1.0 / (2.0 * PI * self.one_minus_cos)
+    fn pdf(&self) -> SolidAnglePdf {
+        SolidAnglePdf::uniform(2.0 * PI * self.one_minus_cos)
     }
 }
 
@@ -84,7 +85,7 @@ pub(super) fn sample(surfaces: &Surfaces, sphere: &Sphere, from: Vec3, u: [f32; 
                 return None;
             }
             let wi = to_light / distance;
-            (wi, distance, area_pdf(sphere, wi, distance, n)?)
+            (wi, distance, pdf_by_area(sphere, wi, distance, n)?)
         }
     };
     let n = (from + distance * wi - sphere.center).normalize_or_zero();
@@ -121,24 +122,26 @@ fn sample_cone(cone: &VisibleCone, radius: f32, u: [f32; 2]) -> (Vec3, f32) {
     (wi, cone.distance * (1.0 - one_minus_cos) - half_chord)
 }
 
-/// Returns the density per solid angle of a point drawn uniformly by area, seen along `wi` from `distance` away.
-fn area_pdf(sphere: &Sphere, wi: Vec3, distance: f32, n: Vec3) -> Option<f32> {
+/// Returns the density of the direction `wi` to a point that is drawn uniformly by area, `distance` away.
+fn pdf_by_area(sphere: &Sphere, wi: Vec3, distance: f32, n: Vec3) -> Option<SolidAnglePdf> {
     let cosine = wi.dot(n).abs();
-    let pdf = distance * distance / (cosine * 4.0 * PI * sphere.radius * sphere.radius);
+    let by_area = AreaPdf::uniform(cosine * 4.0 * PI * sphere.radius * sphere.radius);
+    let pdf = by_area.per_solid_angle(distance * distance);
     (cosine > 0.0 && pdf.is_finite()).then_some(pdf)
 }
 
-/// Returns the density per solid angle with which [`sample`] draws the point `p` from `from`.
-pub(super) fn pdf(sphere: &Sphere, from: Vec3, p: Vec3) -> f32 {
+/// Returns the density with which [`sample`] draws the direction from `from` to the point `p`.
+pub(super) fn pdf(sphere: &Sphere, from: Vec3, p: Vec3) -> SolidAnglePdf {
     if let Some(cone) = VisibleCone::new(sphere, from) {
         return cone.pdf();
     }
     let to_light = p - from;
     let distance = to_light.length();
     if distance <= 0.0 {
-        return 0.0;
+        return SolidAnglePdf::ZERO;
     }
-    area_pdf(sphere, to_light / distance, distance, (p - sphere.center).normalize_or_zero()).unwrap_or(0.0)
+    let n = (p - sphere.center).normalize_or_zero();
+    pdf_by_area(sphere, to_light / distance, distance, n).unwrap_or(SolidAnglePdf::ZERO)
 }
 
 #[cfg(test)]
@@ -184,7 +187,7 @@ mod tests {
                 let p = from + sample.wi * sample.distance;
                 prop_assert!(((p - Vec3::new(1.0, 2.0, 3.0)).length() - 0.5).abs() < 1e-3 + 1e-5 * distance);
                 let again = pdf(&scene.scene().spheres[0], from, p);
-                prop_assert!((again - sample.pdf).abs() < 2e-2 * sample.pdf, "{again} {}", sample.pdf);
+                prop_assert!((again / sample.pdf - 1.0).abs() < 2e-2, "{again:?} {:?}", sample.pdf);
             }
         }
     }
@@ -200,7 +203,8 @@ mod tests {
             for i in 0..steps * steps {
                 let u = [((i % steps) as f32 + 0.5) / steps as f32, ((i / steps) as f32 + 0.5) / steps as f32];
                 if let Some(sample) = sample(&scene, from, u) {
-                    irradiance += sample.radiance.x * sample.wi.y.max(0.0) / sample.pdf / (steps * steps) as f32;
+                    irradiance +=
+                        sample.radiance.x * sample.wi.y.max(0.0) / sample.pdf.per_sr() / (steps * steps) as f32;
                 }
             }
             let exact = PI * 3.0 / (distance * distance);
@@ -217,7 +221,7 @@ mod tests {
         let sum: f32 = (0..steps * steps)
             .map(|i| [((i % steps) as f32 + 0.5) / steps as f32, ((i / steps) as f32 + 0.5) / steps as f32])
             .filter_map(|u| sample(&scene, inside, u))
-            .map(|sample| 1.0 / sample.pdf)
+            .map(|sample| 1.0 / sample.pdf.per_sr())
             .sum();
         assert!((sum / (steps * steps) as f32 - 4.0 * PI).abs() < 0.02);
     }

@@ -14,20 +14,20 @@ use bottega_scene::{Spectrum, Visibility};
 use glam::Vec3;
 
 use super::sample::Receiver;
-use crate::{color::luminance, sampling::around};
+use crate::{color::luminance, density::SolidAnglePdf, sampling::around};
 
 /// Sine of half an angular diameter below which single precision cannot tell the directions of a disc apart.
 const PARALLEL: f32 = 1e-5;
 
 /// A light at infinity with a direction.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sun {
+pub(crate) struct Sun {
     /// Direction to the sun's centre, unit length.
-    pub(super) to_light: Vec3,
+    pub(crate) to_light: Vec3,
     /// Irradiance of a surface that faces it.
-    pub(super) irradiance: Spectrum,
+    pub(crate) irradiance: Spectrum,
     /// Luminance of the irradiance.
-    pub(super) illuminance: f32,
+    pub(crate) illuminance: f32,
     /// Sine of half its angular diameter; 0: parallel light.
     sine: f32,
     /// 1 − cos of half its angular diameter, without cancellation.
@@ -60,9 +60,9 @@ impl Sun {
         self.irradiance / (PI * self.sine * self.sine)
     }
 
-    /// Returns the density per solid angle of directions on the disc.
-    pub(super) fn pdf(&self) -> f32 {
-        1.0 / (2.0 * PI * self.one_minus_cos)
+    /// Returns the density of directions on the disc.
+    pub(super) fn pdf(&self) -> SolidAnglePdf {
+        SolidAnglePdf::uniform(2.0 * PI * self.one_minus_cos)
     }
 
     /// Returns true if the disc lies in a direction of unit length.
@@ -74,9 +74,9 @@ impl Sun {
 
     /// Samples a direction to the light. Returns it with what arrives along it, the density, and true if it is the only one.
     #[inline(always)]
-    pub(super) fn sample(&self, u: [f32; 2]) -> (Vec3, Spectrum, f32, bool) {
+    pub(super) fn sample(&self, u: [f32; 2]) -> (Vec3, Spectrum, SolidAnglePdf, bool) {
         if self.is_parallel() {
-            return (self.to_light, self.irradiance, 1.0, true);
+            return (self.to_light, self.irradiance, SolidAnglePdf::ONLY, true);
         }
         (around(self.to_light, u[0] * self.one_minus_cos, u[1]), self.radiance(), self.pdf(), false)
     }

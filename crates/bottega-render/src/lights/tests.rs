@@ -112,7 +112,7 @@ fn receivers() -> impl Iterator<Item = Receiver> {
 /// Returns the contribution of a light sample to the illuminance at a receiver.
 fn illuminance(receiver: &Receiver, sample: &LightSample) -> f64 {
     let cosine = if receiver.n == Vec3::ZERO { 1.0 } else { receiver.n.dot(sample.wi).max(0.0) };
-    f64::from(luminance(sample.radiance) * cosine / sample.pdf)
+    f64::from(luminance(sample.radiance) * cosine / sample.pdf.per_sr())
 }
 
 /// Returns the mean of independent values, and the variance of that mean.
@@ -302,7 +302,7 @@ fn time_and_noise_of_a_light_sample() {
             let u = u.map(|u| u.fract() as f32);
             let receiver = &receivers[(i % 4096) as usize];
             if let Some(sample) = prepared.lights().sample(&prepared, receiver, [u[0], u[1], u[2], 0.0]) {
-                sum += sample.pdf;
+                sum += sample.pdf.per_sr();
             }
         }
         let nanoseconds = (processor_time() - start) / f64::from(count);
@@ -370,7 +370,7 @@ fn a_learnt_choice_draws_by_its_probabilities_and_finds_visible_lights() {
                     None => {
                         far += 1.0 / f64::from(draws);
                         let pdf = lights.far_pdf(&receiver, Some(&choice), FarLight::Environment, sample.wi);
-                        assert!((pdf / sample.pdf - 1.0).abs() < 1e-3, "{pdf} {}", sample.pdf);
+                        assert!((pdf / sample.pdf - 1.0).abs() < 1e-3, "{pdf:?} {:?}", sample.pdf);
                     }
                 }
             }

@@ -12,10 +12,7 @@ use bottega_kernels::{Aabb, math};
 use glam::{Vec3, Vec4};
 
 use super::{NO_LIGHT, Receiver, bounds::LightBounds};
-use crate::{
-    bsdf::warp::ONE_MINUS_EPSILON,
-    flat::{TreeNodeRecord, WordBuffer, header},
-};
+use crate::bsdf::warp::ONE_MINUS_EPSILON;
 
 /// Children per node: the lanes of a vector unit.
 const WIDTH: usize = 4;
@@ -31,34 +28,39 @@ type Lanes = [f32; WIDTH];
 
 /// A node: the [`LightBounds`] of each child, precomputed for sampling.
 #[derive(Clone, Copy, Debug)]
-struct LightNode {
+pub(crate) struct LightNode {
     /// Centre of the box.
-    center: [Lanes; 3],
+    pub(crate) center: [Lanes; 3],
     /// Half-extents of the box.
-    half: [Lanes; 3],
+    pub(crate) half: [Lanes; 3],
     /// Half-diagonal of the box.
-    radius: Lanes,
-    axis: [Lanes; 3],
-    cos_spread: Lanes,
-    sin_spread: Lanes,
-    cos_emission: Lanes,
+    pub(crate) radius: Lanes,
+    /// Axis of the cone of normals.
+    pub(crate) axis: [Lanes; 3],
+    /// Cosine and sine of the cone's half-angle.
+    pub(crate) cos_spread: Lanes,
+    pub(crate) sin_spread: Lanes,
+    /// Cosine of the angle beyond the cone at which emission ends.
+    pub(crate) cos_emission: Lanes,
     /// 1 if light is also emitted backwards, else −1.
-    two_sided: Lanes,
+    pub(crate) two_sided: Lanes,
     /// Share of the whole tree's intensity; 0 for a missing child.
-    intensity: Lanes,
+    pub(crate) intensity: Lanes,
     /// Index of the child's node; [`NO_LIGHT`] for a leaf.
-    child: [u32; WIDTH],
+    pub(crate) child: [u32; WIDTH],
     /// End of each child's range of lights, which is the start of the next child's.
-    end: [u32; WIDTH],
+    pub(crate) end: [u32; WIDTH],
 }
 
 /// A tree over lights; lights are numbered in the order of its leaves.
 #[derive(Clone, Debug, Default)]
-pub(super) struct LightTree {
-    nodes: Vec<LightNode>,
-    light_count: u32,
+pub(crate) struct LightTree {
+    /// The nodes, the root first; none for less than two lights.
+    pub(crate) nodes: Vec<LightNode>,
+    /// Number of lights.
+    pub(crate) light_count: u32,
     /// Total intensity of all lights.
-    intensity: f32,
+    pub(crate) intensity: f32,
 }
 
 /// An estimate of the light from each child of a node.
@@ -238,18 +240,6 @@ impl LightTree {
 
     pub(super) fn memory_bytes(&self) -> usize {
         size_of_val(&*self.nodes)
-    }
-
-    /// Writes the nodes: centre, half-extents, axis (x of all children, y, z), radius, cos and sin of the spread, cos of
-    /// the emission angle, two-sidedness, intensity, child, end. Each field has four words, the first three have three
-    /// times four.
-    pub(super) fn write(&self, words: &mut WordBuffer) {
-        words.head(header::TREE, words.place());
-        words.head(header::LIGHT_COUNT, self.light_count);
-        words.head(header::TREE_INTENSITY, self.intensity.to_bits());
-        for node in &self.nodes {
-            words.record(&node.record());
-        }
     }
 
     /// Estimates the unoccluded illuminance by all lights; 0 only if no light arrives.
@@ -523,31 +513,6 @@ fn collapse(binary: &[Binary], index: u32, intensity: f32, first_light: &mut u32
 }
 
 impl LightNode {
-    fn record(&self) -> TreeNodeRecord {
-        let ([center_x, center_y, center_z], [half_x, half_y, half_z]) = (self.center, self.half);
-        let [axis_x, axis_y, axis_z] = self.axis;
-        let Self { radius, cos_spread, sin_spread, cos_emission, two_sided, intensity, child, end, .. } = *self;
-        TreeNodeRecord {
-            center_x,
-            center_y,
-            center_z,
-            half_x,
-            half_y,
-            half_z,
-            axis_x,
-            axis_y,
-            axis_z,
-            radius,
-            cos_spread,
-            sin_spread,
-            cos_emission,
-            two_sided,
-            intensity,
-            child,
-            end,
-        }
-    }
-
     const EMPTY: Self = Self {
         center: [[0.0; WIDTH]; 3],
         half: [[0.0; WIDTH]; 3],

@@ -5,6 +5,8 @@ use std::f32::consts::PI;
 use bottega_kernels::math;
 use glam::Vec3;
 
+use crate::density::SolidAnglePdf;
+
 /// The projection of a triangle onto the unit sphere around a point.
 ///
 /// Source: Arvo 1995, *Stratified Sampling of Spherical Triangles*.
@@ -39,9 +41,9 @@ impl SphericalTriangle {
         (sin_alpha > 1e-4).then_some(Self { a, b, c, cos_alpha, sin_alpha, area })
     }
 
-    /// Returns the density per solid angle of [`Self::sample`].
-    pub(super) fn pdf(&self) -> f32 {
-        1.0 / self.area
+    /// Returns the density of the directions that [`Self::sample`] draws.
+    pub(super) fn pdf(&self) -> SolidAnglePdf {
+        SolidAnglePdf::uniform(self.area)
     }
 
     /// Draws a point whose direction is uniform over the projection; returns its barycentric coordinates (of the second

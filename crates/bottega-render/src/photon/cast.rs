@@ -37,7 +37,7 @@ const POINTS: u32 = 4096;
 pub fn cast_photons(
     scene: &Arc<PreparedScene>,
     prepass: &Arc<Prepass>,
-    view: View,
+    view: &View,
     settings: &PathSettings,
     client: &HraClient<RenderWork>,
     others: Option<&dyn Sharing>,
@@ -63,7 +63,7 @@ pub fn cast_photons(
 fn maps(
     scene: &Arc<PreparedScene>,
     prepass: &Arc<Prepass>,
-    view: View,
+    view: &View,
     photons: PhotonSettings,
     seed: u64,
     executors: &Executors<'_>,
@@ -71,7 +71,7 @@ fn maps(
     let plan = prepass.photon_plan(scene, view);
     let trace = |count: u32, only_caustics: bool| {
         let work = |indices| {
-            let (scene, prepass) = (Arc::clone(scene), Arc::clone(prepass));
+            let (scene, prepass, view) = (Arc::clone(scene), Arc::clone(prepass), view.clone());
             PhotonWork { scene, prepass, settings: photons, view, only_caustics, seed, indices }
         };
         let works = parts(count, PHOTONS).map(work).map(|work| RenderWork::Photons(Box::new(work))).collect();

@@ -17,7 +17,7 @@ const WIDE: f32 = 4.0;
 
 impl Extent {
     /// Returns the extent of the region that a view shows.
-    pub(crate) fn of_view(prepared: &PreparedScene, view: View) -> Self {
+    pub(crate) fn of_view(prepared: &PreparedScene, view: &View) -> Self {
         let whole = Self::whole(prepared);
         let Some((center, median)) =
             middle(&places_seen(prepared, view, SIDE).iter().map(|it| it.p).collect::<Vec<_>>())
@@ -55,7 +55,13 @@ mod tests {
         settings::PhotonSettings,
     };
 
-    const VIEW: View = View { camera: 0, width: 48, height: 48 };
+    fn view(prepared: &PreparedScene) -> View {
+        View::of_scene(prepared.scene(), 0, 48, 48).unwrap()
+    }
+
+    fn of(prepared: &PreparedScene) -> Extent {
+        Extent::of_view(prepared, &view(prepared))
+    }
 
     fn prepared(scene: Scene) -> PreparedScene {
         PreparedScene::new(Arc::new(scene), &PrepareOptions::default()).unwrap()
@@ -86,11 +92,11 @@ mod tests {
 
     #[test]
     fn the_extent_is_that_of_visible_surfaces() {
-        let alone = Extent::of_view(&room(None), VIEW);
+        let alone = of(&room(None));
         assert!(alone.is_whole() && alone == Extent::whole(&room(None)));
         assert_eq!(alone.length_at(Vec3::X * 99.0), alone.whole);
         for half in [50.0, 500.0, 5000.0] {
-            let extent = Extent::of_view(&room(Some(half)), VIEW);
+            let extent = of(&room(Some(half)));
             assert!(!extent.is_whole() && extent.radius < 2.0 * alone.radius && extent.radius > 0.5 * alone.radius);
             assert!(extent.center.length() < 4.0, "{extent:?}");
             assert_eq!(extent.length_at(extent.center), 0.5 * extent.radius);
@@ -101,12 +107,12 @@ mod tests {
         // The view reaches to the horizon, but most of the picture shows near surfaces.
         let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 2.0, 6.0), 0.3)], ..Scene::default() };
         add(&mut scene, Mesh::quad(Vec3::new(-5e3, 0.0, 5e3), Vec3::X * 1e4, Vec3::NEG_Z * 1e4));
-        let extent = Extent::of_view(&prepared(scene), VIEW);
+        let extent = of(&prepared(scene));
         assert!((2.0..30.0).contains(&extent.radius) && extent.center.length() < 15.0, "{extent:?}");
         // An empty view.
         let mut scene = Scene { cameras: vec![camera(Vec3::ZERO, 0.0)], ..Scene::default() };
         add(&mut scene, Mesh::quad(Vec3::Z * 5.0, Vec3::X, Vec3::Y));
-        assert!(Extent::of_view(&prepared(scene), VIEW).is_whole());
+        assert!(of(&prepared(scene)).is_whole());
     }
 
     #[test]
@@ -114,10 +120,10 @@ mod tests {
         // Photons stored, and photons that lookups at visible points read.
         let work = |scene: &PreparedScene| {
             let settings = PhotonSettings { progressive: true, count: 20_000, ..PhotonSettings::default() };
-            let plan = Prepass::default().photon_plan(scene, VIEW);
+            let plan = Prepass::default().photon_plan(scene, &view(scene));
             let maps = PhotonMaps::new(scene, &plan, &settings, 0, 0);
             let mut lookups = 0_u64;
-            for Lookout { p, .. } in places_seen(scene, VIEW, SIDE) {
+            for Lookout { p, .. } in places_seen(scene, &view(scene), SIDE) {
                 maps.seen.within(p, maps.reach_at(p).powi(2), |_, _| lookups += 1);
             }
             (maps.seen.len() as f64, lookups as f64)
@@ -138,7 +144,7 @@ mod tests {
             let kind = LightKind::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE, angle: 0.0 };
             scene.lights.push(Light::new("", kind));
             let scene = prepared(scene);
-            let (plan, settings) = (Prepass::default().photon_plan(&scene, VIEW), PhotonSettings::default());
+            let (plan, settings) = (Prepass::default().photon_plan(&scene, &view(&scene)), PhotonSettings::default());
             let tracer = crate::photon::tracer(&scene, &plan, &settings, 0, 0);
             let direct = crate::photon::traced(tracer, 20_000).direct;
             let Extent { center, radius, .. } = *plan.extent();

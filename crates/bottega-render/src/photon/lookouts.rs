@@ -56,7 +56,7 @@ pub(super) struct Lookouts {
 
 impl Lookouts {
     /// Casts the lookouts of a view, and builds the tree on the current thread pool.
-    pub(super) fn of_view(prepared: &PreparedScene, view: View) -> Self {
+    pub(super) fn of_view(prepared: &PreparedScene, view: &View) -> Self {
         let seen = places_seen(prepared, view, SIDE);
         let tagged = |(it, index): (&Lookout, u32)| Photon::tagged(it.p, it.normal, it.normal, index);
         let tree = PhotonMap::new(seen.iter().zip(0..).map(tagged).collect());
@@ -92,7 +92,7 @@ impl Lookouts {
 /// Returns the first points along camera rays on surfaces that are not specular, over mirrors and through glass.
 ///
 /// - `side`: rays along a side of the picture.
-pub(crate) fn places_seen(prepared: &PreparedScene, view: View, side: u32) -> Vec<Lookout> {
+pub(crate) fn places_seen(prepared: &PreparedScene, view: &View, side: u32) -> Vec<Lookout> {
     let settings = PathSettings::default();
     let Ok(integrator) = PathIntegrator::unguided(prepared, view, &settings) else { return Vec::new() };
     let pixel = |i: u32, count: u32| ((2 * i + 1) * count / (2 * side)).min(count.saturating_sub(1));

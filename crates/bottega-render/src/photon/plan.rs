@@ -44,7 +44,7 @@ impl PhotonPlan {
     pub(crate) fn projection(&self, prepared: &PreparedScene, by_lookouts: bool) -> &Projection {
         let place = if by_lookouts { &self.projection_of_lookouts } else { &self.projection };
         place.get_or_init(|| {
-            let lookouts = by_lookouts.then(|| prepared.on_threads(|| Lookouts::of_view(prepared, self.view)));
+            let lookouts = by_lookouts.then(|| prepared.on_threads(|| Lookouts::of_view(prepared, &self.view)));
             try_out(prepared, &self.sources, &self.emission, lookouts.as_ref())
         })
     }
@@ -59,11 +59,11 @@ pub(crate) struct PhotonPlans {
 
 impl PhotonPlans {
     /// Returns the plan of a view; the first caller makes it, while others wait.
-    pub(crate) fn of_view(&self, prepared: &PreparedScene, view: View) -> Arc<PhotonPlan> {
+    pub(crate) fn of_view(&self, prepared: &PreparedScene, view: &View) -> Arc<PhotonPlan> {
         /// Number of views whose plans are kept.
         const VIEWS_MAX: usize = 8;
         let mut plans = self.views.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, plan)) = plans.iter().find(|(known, _)| *known == view) {
+        if let Some((_, plan)) = plans.iter().find(|(known, _)| known == view) {
             return Arc::clone(plan);
         }
         let extent = Extent::of_view(prepared, view);
@@ -71,11 +71,11 @@ impl PhotonPlans {
         let same = plans.iter().find(|(_, plan)| *plan.extent() == extent);
         let emission =
             same.map_or_else(|| Arc::new(sources.plan(prepared, extent)), |(_, it)| Arc::clone(&it.emission));
-        let plan = Arc::new(PhotonPlan::new(view, sources, emission));
+        let plan = Arc::new(PhotonPlan::new(view.clone(), sources, emission));
         if plans.len() == VIEWS_MAX {
             plans.remove(0);
         }
-        plans.push((view, Arc::clone(&plan)));
+        plans.push((view.clone(), Arc::clone(&plan)));
         plan
     }
 }

@@ -190,18 +190,18 @@ impl Passes {
     }
 
     /// Returns the place of a view's irradiance cache.
-    pub(crate) fn cache(&self, view: View) -> Arc<OnceLock<IrradianceCache>> {
+    pub(crate) fn cache(&self, view: &View) -> Arc<OnceLock<IrradianceCache>> {
         /// Number of views whose cache is kept.
         const VIEWS_MAX: usize = 2;
         let mut caches = self.caches.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, place)) = caches.iter().find(|(known, _)| *known == view) {
+        if let Some((_, place)) = caches.iter().find(|(known, _)| known == view) {
             return Arc::clone(place);
         }
         if caches.len() == VIEWS_MAX {
             caches.remove(0);
         }
         let place = CachePlace::default();
-        caches.push((view, Arc::clone(&place)));
+        caches.push((view.clone(), Arc::clone(&place)));
         place
     }
 

@@ -14,6 +14,7 @@ use super::{
 use crate::{
     bsdf::{BsdfAt, BsdfSample, LobeFlags, TransportMode},
     camera::RayCone,
+    density::SolidAnglePdf,
     interaction::{Interaction, opacity_of},
     lights::{AimCone, Emission, EmissionPlan, EmittedPhoton},
     prepare::PreparedScene,
@@ -257,13 +258,13 @@ fn scattered(
     if !is_aimed {
         let sample = bsdf.sample(u[0], [u[1], u[2]])?;
         let is_within = !sample.is_delta() && aim.contains(point.to_world(sample.wi));
-        let pdf = aim.mixed(is_within, sample.pdf);
+        let pdf = aim.mixed(is_within, SolidAnglePdf::new(sample.pdf)).per_sr();
         return Some((BsdfSample { pdf, ..sample }, is_within));
     }
     let w = aim.sample([u[1], u[2]]);
     let wi = point.to_local(w);
     let (value, own_pdf) = bsdf.eval_pdf(wi);
-    let pdf = aim.mixed(true, own_pdf);
+    let pdf = aim.mixed(true, SolidAnglePdf::new(own_pdf)).per_sr();
     (value.max_element() > 0.0).then_some((BsdfSample { wi, value, pdf, lobe: LobeFlags::DIFFUSE, eta: 1.0 }, true))
 }
 

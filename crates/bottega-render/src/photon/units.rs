@@ -54,7 +54,7 @@ impl PhotonWork {
     /// Traces the photons on the calling thread.
     pub fn perform(self) -> TracedPhotons {
         let Self { scene, prepass, settings, view, only_caustics, seed, indices } = self;
-        let plan = prepass.photon_plan(&scene, view);
+        let plan = prepass.photon_plan(&scene, &view);
         let tracer = if only_caustics {
             caustic_tracer(&scene, &plan, &settings, seed)
         } else {

@@ -33,10 +33,10 @@ pub struct GlimpseOptions {
 /// - `is_ended`: called after each block; `true` cancels.
 ///
 /// # Errors
-/// The scene lacks the view's camera, or the allocator failed.
+/// The view has no pixels, or the allocator failed.
 pub fn glimpse(
     scene: &Arc<PreparedScene>,
-    view: View,
+    view: &View,
     options: GlimpseOptions,
     client: &HraClient<RenderWork>,
     is_ended: &dyn Fn() -> bool,
@@ -46,7 +46,7 @@ pub fn glimpse(
     let blocks: Vec<Rect> = whole.blocks(BLOCK_SIDE).collect();
     let unit = |(&rect, ticket)| {
         let (scene, settings) = (Arc::clone(scene), Arc::clone(&settings));
-        let work = ProbeWork { scene, view, settings, rect, sample_count: options.samples };
+        let work = ProbeWork { scene, view: view.clone(), settings, rect, sample_count: options.samples };
         WorkUnit::new(RenderWork::Probe(work), ticket)
     };
     client.submit_group(blocks.iter().zip(0..).map(unit).collect())?;

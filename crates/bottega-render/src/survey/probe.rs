@@ -46,7 +46,7 @@ pub struct SurveyPixel {
 /// Probes a block of pixels by a few paths. Returns all but the recursion levels, row-major.
 pub(crate) fn probe(
     scene: &PreparedScene,
-    view: View,
+    view: &View,
     settings: &PathSettings,
     rect: Rect,
     sample_count: u32,

@@ -22,12 +22,12 @@ fn painted(scene: &Arc<PreparedScene>, oracle: Oracle, decides_shadows: bool) ->
     let photons = PhotonSettings { count: 100_000, agents: Some(agents), ..PhotonSettings::default() };
     let settings = PathSettings { photons: Some(photons), filter: Filter::PIXEL, ..PathSettings::default() };
     let tile = Tile::new(Rect::of_size(SIDE, SIDE), Layout::new(AovSet::NONE));
-    let view = View { camera: 0, width: SIDE, height: SIDE };
+    let view = View::of_scene(scene.scene(), 0, SIDE, SIDE).expect("a camera");
     let (scene, prepass) = (Arc::clone(scene), Arc::<Prepass>::default());
     let work = BlockWork {
         scene: Arc::clone(&scene),
         prepass: Arc::clone(&prepass),
-        view,
+        view: view.clone(),
         settings: Arc::new(settings),
         tile,
         samples: 0..SAMPLES,
@@ -35,7 +35,7 @@ fn painted(scene: &Arc<PreparedScene>, oracle: Oracle, decides_shadows: bool) ->
     };
     let tile = work.perform().expect("a picture").tile;
     let mean = |x: u32, y: u32| [0, 1, 2].map(|channel| tile.pixel(x, y)[channel] / SAMPLES as f32);
-    let report = prepass.lighting_agents(&scene, view, photons, settings.seed).expect("the requested agents");
+    let report = prepass.lighting_agents(&scene, &view, photons, settings.seed).expect("the requested agents");
     (Picture::from_fn(SIDE, SIDE, mean), report)
 }
 

@@ -58,7 +58,7 @@ fn paint_once(
     let mut film = Film::new(frame, layout.clone());
     let bands: Vec<Rect> = (0..height).step_by(4).map(|y| Rect::new(0, y, width, (y + 4).min(height))).collect();
     let paint_band = |rect: &Rect| -> Tile {
-        let view = View { camera: 0, width, height };
+        let view = View::of_scene(prepared.scene(), 0, width, height).expect("a camera");
         let (scene, prepass, settings) = (Arc::clone(prepared), Arc::clone(prepass), Arc::clone(settings));
         let tile = Tile::new(*rect, layout.clone());
         let work = BlockWork { scene, prepass, view, settings, tile, samples: 0..samples, light_groups: None };

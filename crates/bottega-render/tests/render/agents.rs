@@ -8,8 +8,7 @@ use std::{
 
 use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
 use bottega_render::{
-    AgentUse, Filter, PathSettings, PrepareOptions, PreparedScene, RenderError, Sharing, View,
-    integrator::learn_together,
+    AgentUse, Filter, PathSettings, PrepareOptions, PreparedScene, RenderError, Sharing, integrator::learn_together,
 };
 use bottega_scene::{Environment, Material, Scene};
 use glam::Vec3;
@@ -19,7 +18,7 @@ use crate::render::strategies::{assert_same_mean, moments};
 
 /// Large enough that there is something to learn from.
 const SIDE: u32 = 128;
-const VIEW: View = View { camera: 0, width: SIDE, height: SIDE };
+const SIZE: (u32, u32) = (SIDE, SIDE);
 
 /// Factor on the samples of the reference picture.
 const MORE: u32 = 4;
@@ -35,7 +34,8 @@ fn settings(agents: AgentUse, seed: u64, planned_samples: u32) -> PathSettings {
 fn paint(scene: &Subject, settings: &PathSettings, rect: Rect, cuts: &[u32]) -> Tile {
     let mut tile = Tile::new(rect, Layout::new([Aov::Cost].into_iter().collect::<AovSet>()));
     for samples in cuts.windows(2) {
-        tile = scene.block(VIEW, *settings, tile, samples[0]..samples[1]).perform().expect("a picture").tile;
+        tile =
+            scene.block(&scene.view(SIZE), *settings, tile, samples[0]..samples[1]).perform().expect("a picture").tile;
     }
     tile
 }
@@ -174,10 +174,10 @@ fn the_same_bits_however_the_work_is_cut_and_whoever_learnt() {
     let settings = PathSettings { guiding: true, ..settings(ALL, 3, 32) };
     let (one, three) = (by(1), by(3));
     let expected = whole(&one, &settings, 4);
-    let learnt = one.prepass.learnt(&one.scene, VIEW, &settings).expect("it was painted");
+    let learnt = one.prepass.learnt(&one.scene, &one.view(SIZE), &settings).expect("it was painted");
     let received = by(1);
-    received.prepass.learn_from(&received.scene, VIEW, &settings, &learnt).expect("what was learnt");
-    assert!(received.prepass.learnt(&received.scene, VIEW, &settings).as_ref() == Some(&learnt));
+    received.prepass.learn_from(&received.scene, &received.view(SIZE), &settings, &learnt).expect("what was learnt");
+    assert!(received.prepass.learnt(&received.scene, &received.view(SIZE), &settings).as_ref() == Some(&learnt));
     assert!(whole(&one, &PathSettings { agents: NOTHING, ..settings }, 4) != expected);
     for scene in [&three, &received] {
         for (x0, y0, side) in [(0, 0, 37), (58, 61, 38), (40, 75, 5)] {
@@ -237,7 +237,7 @@ fn machines_that_learn_together_learn_the_same_as_one_alone() {
     };
     // Enough samples that the trial is shared.
     let settings = PathSettings { guiding: true, ..settings(ALL, 3, 200) };
-    let learnt = |it: &Subject| it.prepass.learnt(&it.scene, VIEW, &settings);
+    let learnt = |it: &Subject| it.prepass.learnt(&it.scene, &it.view(SIZE), &settings);
     let alone = by(2);
     paint(&alone, &settings, Rect::of_size(4, 4), &[0, 1]);
     let machines = [by(1), by(2)];
@@ -247,7 +247,8 @@ fn machines_that_learn_together_learn_the_same_as_one_alone() {
             let found = &found;
             scope.spawn(move || {
                 let others = AlternatingMachine(number, found);
-                learn_together(&machine.scene, &machine.prepass, VIEW, &settings, &others).expect("a guide");
+                learn_together(&machine.scene, &machine.prepass, &machine.view(SIZE), &settings, &others)
+                    .expect("a guide");
             });
         }
     });
@@ -258,7 +259,7 @@ fn machines_that_learn_together_learn_the_same_as_one_alone() {
     }
     // A machine that leaves has learnt nothing; a machine that has learnt everything does not ask.
     let late = by(1);
-    let leave = |it: &Subject| learn_together(&it.scene, &it.prepass, VIEW, &settings, &LeavingMachine);
+    let leave = |it: &Subject| learn_together(&it.scene, &it.prepass, &it.view(SIZE), &settings, &LeavingMachine);
     assert!(matches!(leave(&late), Err(RenderError::Left)) && learnt(&late).is_none());
     assert!(leave(&alone).is_ok());
 }
@@ -268,7 +269,7 @@ fn damaged_answers_are_refused_or_harmless() {
     let scene = prepare(lamps([5, 5]));
     let settings = settings(ALL, 3, 32);
     whole(&scene, &settings, 1);
-    let learnt = scene.prepass.learnt(&scene.scene, VIEW, &settings).expect("it was painted");
+    let learnt = scene.prepass.learnt(&scene.scene, &scene.view(SIZE), &settings).expect("it was painted");
     let (mut refused, mut taken) = (0, 0);
     for i in 0..60 {
         let mut bytes = learnt.clone();
@@ -276,7 +277,7 @@ fn damaged_answers_are_refused_or_harmless() {
         let place = (i * bytes.len() / 60 + 7 * i) % bytes.len();
         bytes[place] ^= 1 << (i % 8);
         let other = Subject { scene: Arc::clone(&scene.scene), prepass: Arc::default() };
-        if other.prepass.learn_from(&other.scene, VIEW, &settings, &bytes).is_err() {
+        if other.prepass.learn_from(&other.scene, &other.view(SIZE), &settings, &bytes).is_err() {
             refused += 1;
             continue;
         }

@@ -1,15 +1,17 @@
 //! A pixel depends on scene, settings and seed, and on nothing else.
 
+use std::sync::Arc;
+
 use bottega_hra::{Hra, HraConfig, VirtualCpu, WorkUnit};
 use bottega_image::{Aov, Layout, Rect, Tile};
 use bottega_render::{BlockWork, PathSettings, RenderOutput, RenderWork, View};
-use bottega_scene::{AlphaMode, Material};
+use bottega_scene::{AlphaMode, Material, Scene};
 use glam::Vec3;
 use proptest::prelude::*;
 
-use crate::render::scenes::{Subject, add_quad, cornell, matte, prepare};
+use crate::render::scenes::{Subject, add_quad, camera, cornell, matte, prepare};
 
-const VIEW: View = View { camera: 0, width: 20, height: 15 };
+const SIZE: (u32, u32) = (20, 15);
 
 fn scene() -> Subject {
     let mut scene = cornell();
@@ -19,7 +21,7 @@ fn scene() -> Subject {
 }
 
 fn block(scene: &Subject, tile: Tile, samples: std::ops::Range<u32>, seed: u64) -> BlockWork {
-    scene.block(VIEW, PathSettings { seed, light_samples: 2, ..PathSettings::default() }, tile, samples)
+    scene.block(&scene.view(SIZE), PathSettings { seed, light_samples: 2, ..PathSettings::default() }, tile, samples)
 }
 
 fn empty(rect: Rect) -> Tile {
@@ -27,7 +29,7 @@ fn empty(rect: Rect) -> Tile {
 }
 
 fn whole(scene: &Subject, spp: u32, seed: u64) -> Tile {
-    block(scene, empty(Rect::of_size(VIEW.width, VIEW.height)), 0..spp, seed).perform().unwrap().tile
+    block(scene, empty(Rect::of_size(SIZE.0, SIZE.1)), 0..spp, seed).perform().unwrap().tile
 }
 
 proptest! {
@@ -53,13 +55,31 @@ proptest! {
 }
 
 #[test]
+fn another_camera_needs_no_other_preparation() {
+    let scene = scene();
+    let own = whole(&scene, 2, 5);
+    let other = camera(Vec3::new(0.4, 0.3, 2.5), Vec3::new(0.1, -0.2, 0.0), 0.8);
+    let view = View { camera: Arc::new(other.clone()), width: SIZE.0, height: SIZE.1 };
+    let seen = |scene: &Subject, view: &View| {
+        let work = BlockWork { view: view.clone(), ..block(scene, empty(own.rect()), 0..2, 5) };
+        work.perform().unwrap().tile
+    };
+    let prepared_for_it = prepare(Scene { cameras: vec![other], ..(**scene.scene.scene()).clone() });
+    let found = seen(&scene, &view);
+    assert!(found.sums() != own.sums());
+    assert_eq!(found.sums(), whole(&prepared_for_it, 2, 5).sums());
+    // The scene shows its own camera as before
+    assert_eq!(whole(&scene, 2, 5).sums(), own.sums());
+}
+
+#[test]
 fn lanes_of_the_allocator_paint_the_same_bits() {
     let scene = scene();
     let expected = whole(&scene, 4, 3);
     for lanes in [1, 3] {
         let hra = Hra::new(HraConfig::default(), VirtualCpu::lanes(lanes, RenderWork::perform));
         let client = hra.client();
-        for (ticket, rect) in Rect::of_size(VIEW.width, VIEW.height).blocks(8).enumerate() {
+        for (ticket, rect) in Rect::of_size(SIZE.0, SIZE.1).blocks(8).enumerate() {
             let work = RenderWork::Block(block(&scene, empty(rect), 0..4, 3));
             client.submit(WorkUnit::new(work, ticket as u64)).unwrap();
         }

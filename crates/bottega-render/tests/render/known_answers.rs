@@ -311,10 +311,10 @@ fn other_values_tell_of_the_first_surface() {
     add_sphere(&mut scene, Vec3::new(0.0, 2.0, 0.0), 0.5, glass());
     let aovs: AovSet = Aov::ALL.into_iter().collect();
     let layout = Layout::new(aovs);
-    let view = View { camera: 0, width: 1, height: 1 };
     let tile = Tile::new(Rect::of_size(1, 1), layout.clone());
     let settings = PathSettings { filter: Filter::PIXEL, ..PathSettings::default() };
-    let tile = prepare(scene).block(view, settings, tile, 0..256).perform().unwrap().tile;
+    let scene = prepare(scene);
+    let tile = scene.block(&scene.view((1, 1)), settings, tile, 0..256).perform().unwrap().tile;
     let mean = |aov, channel: usize| tile.pixel(0, 0)[layout.offset(aov).unwrap() + channel] / 256.0;
     assert!((mean(Aov::Depth, 0) - 1.5).abs() < 1e-3);
     assert!((mean(Aov::Normal, 1) - 1.0).abs() < 1e-3);
@@ -327,9 +327,8 @@ fn other_values_tell_of_the_first_surface() {
 fn wrong_views_are_refused() {
     let scene = prepare(floor());
     let tile = || Tile::new(Rect::of_size(1, 1), Layout::new(AovSet::NONE));
-    let work = |view: View| scene.block(view, PathSettings::default(), tile(), 0..1);
-    assert!(work(View { camera: 1, width: 1, height: 1 }).perform().is_err());
-    assert!(work(View { camera: 0, width: 0, height: 1 }).perform().is_err());
+    assert!(View::of_scene(scene.scene.scene(), 1, 1, 1).is_err());
+    assert!(scene.block(&scene.view((0, 1)), PathSettings::default(), tile(), 0..1).perform().is_err());
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use bottega_image::{Aov, AovSet, Layout, Rect, Tile, identity};
 use bottega_render::{
-    AgentUse, Filter, PathSettings, PhotonSettings, RenderOutput, RenderWork, View, WaveWork,
+    AgentUse, Filter, PathSettings, PhotonSettings, RenderOutput, RenderWork, WaveWork,
     integrator::{Wave, WaveAnswers},
 };
 use bottega_scene::{AlphaMode, Environment, Material, Medium, Scene, Surface};
@@ -19,7 +19,7 @@ use crate::render::{
 fn paint(scene: &Subject, (width, height): (u32, u32), spp: u32, settings: PathSettings, aovs: &[Aov]) -> Tile {
     let layout = Layout::new(aovs.iter().copied().collect::<AovSet>());
     let tile = Tile::new(Rect::of_size(width, height), layout);
-    scene.block(View { camera: 0, width, height }, settings, tile, 0..spp).perform().expect("a picture").tile
+    scene.block(&scene.view((width, height)), settings, tile, 0..spp).perform().expect("a picture").tile
 }
 
 /// Mean of a layer at a pixel.
@@ -229,7 +229,7 @@ fn the_first_surface_is_that_of_the_alpha_whatever_follows_the_path() {
 #[test]
 fn a_wave_makes_the_layers_of_paths() {
     let scene = prepare(cornell());
-    let view = View { camera: 0, width: 12, height: 9 };
+    let view = scene.view((12, 9));
     let aovs: Vec<Aov> = Aov::ALL.into_iter().filter(|&aov| aov != Aov::Cost).collect();
     let expected = paint(&scene, (12, 9), 4, PathSettings::default(), &aovs);
     let mut tile = Tile::new(expected.rect(), expected.layout().clone());
@@ -239,7 +239,7 @@ fn a_wave_makes_the_layers_of_paths() {
         let work = WaveWork {
             scene: scene.scene.clone(),
             prepass: scene.prepass.clone(),
-            view,
+            view: view.clone(),
             settings: PathSettings::default().into(),
             layout: tile.layout().clone(),
             wave,

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bottega_image::{AovSet, Combine, Layer, Layout, Rect, Tile};
-use bottega_render::{BlockWork, LightGroups, PathSettings, PrepareOptions, PreparedScene, View};
+use bottega_render::{BlockWork, LightGroups, PathSettings, PrepareOptions, PreparedScene};
 use bottega_scene::{Environment, Light, LightKind, Medium, Scene, Visibility};
 use glam::Vec3;
 
@@ -70,9 +70,8 @@ fn paint_groups(scene: &Subject, spp: u32, settings: PathSettings) -> Tile {
     let layout = Layout::with_layers(AovSet::NONE, GROUPS.iter().map(layer).collect()).expect("a layout");
     let (width, height) = SIZE;
     let tile = Tile::new(Rect::of_size(width, height), layout);
-    let view = View { camera: 0, width, height };
     let light_groups = Some(Arc::new(groups(&scene.scene)));
-    let work = BlockWork { light_groups, ..scene.block(view, settings, tile, 0..spp) };
+    let work = BlockWork { light_groups, ..scene.block(&scene.view(SIZE), settings, tile, 0..spp) };
     work.perform().expect("a picture").tile
 }
 
@@ -141,8 +140,7 @@ fn groups_have_the_same_bits_in_parts() {
         Subject::new(PreparedScene::new(Arc::new(many_lights()), &PrepareOptions::default()).expect("a sound scene"));
     let whole = paint_groups(&scene, 6, PathSettings::default());
     let first = paint_groups(&scene, 2, PathSettings::default());
-    let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
     let light_groups = Some(Arc::new(groups(&scene.scene)));
-    let work = BlockWork { light_groups, ..scene.block(view, PathSettings::default(), first, 2..6) };
+    let work = BlockWork { light_groups, ..scene.block(&scene.view(SIZE), PathSettings::default(), first, 2..6) };
     assert_eq!(work.perform().expect("a picture").tile.sums(), whole.sums());
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bottega_hra::{Hra, HraConfig, VirtualCpu};
 use bottega_image::{AovSet, Layout, Rect, Tile};
 use bottega_render::{
-    AgentSettings, Oracle, PathSettings, PhotonSettings, PrepareOptions, PreparedScene, RenderWork, View,
+    AgentSettings, Oracle, PathSettings, PhotonSettings, PrepareOptions, PreparedScene, RenderWork,
     ala::{AgentReport, Criterion, Density, LocalSphere, SampleSet, Samples, Tally},
     photon::cast_photons,
 };
@@ -34,9 +34,9 @@ fn report(scene: &Subject, settings: &PathSettings) -> AgentReport {
     report_of(scene, SIZE, settings)
 }
 
-fn report_of(scene: &Subject, (width, height): (u32, u32), settings: &PathSettings) -> AgentReport {
-    let view = View { camera: 0, width, height };
-    let found = scene.prepass.lighting_agents(&scene.scene, view, settings.photons.unwrap(), settings.seed);
+fn report_of(scene: &Subject, size: (u32, u32), settings: &PathSettings) -> AgentReport {
+    let found =
+        scene.prepass.lighting_agents(&scene.scene, &scene.view(size), settings.photons.unwrap(), settings.seed);
     found.expect("the requested agents")
 }
 
@@ -229,20 +229,20 @@ fn does_not_depend_on_the_resource(oracle: Oracle) {
     room.lights.push(Light::new("", kind));
     let room = Arc::new(room);
     let settings = by(few(oracle), 5);
-    let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
     let painted = |threads: usize, lanes: usize, cuts: &[u32], blocks: u32| {
         let options = PrepareOptions { threads, ..PrepareOptions::default() };
         let scene = Subject::new(PreparedScene::new(Arc::clone(&room), &options).unwrap());
+        let view = scene.view(SIZE);
         if lanes > 0 {
             let hra = Hra::new(HraConfig::default(), VirtualCpu::lanes(lanes, RenderWork::perform));
-            cast_photons(&scene.scene, &scene.prepass, view, &settings, &hra.client(), None).unwrap();
+            cast_photons(&scene.scene, &scene.prepass, &view, &settings, &hra.client(), None).unwrap();
             assert!(hra.report().resources.iter().map(|resource| resource.units).sum::<u64>() > 6);
         }
         let mut whole = Tile::new(Rect::of_size(SIZE.0, SIZE.1), Layout::new(AovSet::NONE));
         for rect in Rect::of_size(SIZE.0, SIZE.1).blocks(blocks) {
             let mut tile = Tile::new(rect, Layout::new(AovSet::NONE));
             for range in cuts.windows(2) {
-                tile = scene.block(view, settings, tile, range[0]..range[1]).perform().unwrap().tile;
+                tile = scene.block(&view, settings, tile, range[0]..range[1]).perform().unwrap().tile;
             }
             whole.copy_from(&tile);
         }
@@ -336,11 +336,11 @@ fn does_not_depend_on_size(oracle: Oracle) {
 #[test]
 fn a_few_sensors_differ_as_much_as_many_photons() {
     let scene = prepare(room_with_sphere());
-    let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
+    let view = scene.view(SIZE);
     let mean = |set: SampleSet, oracle: Oracle| {
         let criteria = [Criterion::Irradiance];
-        let samples = Samples::new(&scene.scene, &scene.prepass, view, &by(few(oracle), 2), set, &criteria).unwrap();
-        let ludd = samples.over(&scene.scene, view, LocalSphere::Count(20)).unwrap();
+        let samples = Samples::new(&scene.scene, &scene.prepass, &view, &by(few(oracle), 2), set, &criteria).unwrap();
+        let ludd = samples.over(&scene.scene, &view, LocalSphere::Count(20)).unwrap();
         let known: Vec<f32> = ludd.pixels.iter().flatten().filter_map(Density::all).collect();
         assert!(known.len() > 300 && known.iter().all(|density| density.is_finite() && *density >= 0.0));
         (known.iter().sum::<f32>() / known.len() as f32, ludd.sample_count)
@@ -355,11 +355,11 @@ fn a_few_sensors_differ_as_much_as_many_photons() {
 
 #[test]
 fn a_picture_with_received_maps_has_the_same_bits() {
-    let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
     let photons = PhotonSettings { count: 20_000, shadow_photons: true, ..PhotonSettings::default() };
     let by_photons = PathSettings { photons: Some(photons), seed: 6, guiding: false, ..PathSettings::default() };
     for settings in [by_photons, by(few(Oracle::Paper), 6), by(few(Oracle::Error), 6)] {
         let (one, other) = (prepare(glossy_room()), prepare(glossy_room()));
+        let view = &one.view(SIZE);
         assert!(one.prepass.learnt(&one.scene, view, &settings).is_none());
         let expected = paint(&one, SIZE, 2, settings);
         let bytes = one.prepass.learnt(&one.scene, view, &settings).expect("maps that were made");

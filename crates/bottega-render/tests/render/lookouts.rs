@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use bottega_render::{PhotonSettings, View, photon::PhotonWork};
+use bottega_render::{PhotonSettings, photon::PhotonWork};
 use bottega_scene::Scene;
 use glam::Vec3;
 
 use super::scenes::{Subject, add_quad, add_sphere, camera, glass, lamp, matte, prepare};
 
-const VIEW: View = View { camera: 0, width: 32, height: 24 };
+const SIZE: (u32, u32) = (32, 24);
 /// Number of pictures whose caustics are compared.
 const RUNS: u64 = 12;
 
@@ -30,9 +30,10 @@ fn caustics(scene: &Subject, lookouts: bool) -> ([Vec<f64>; 2], f64) {
     let settings = PhotonSettings { count: 80_000, lookouts, ..PhotonSettings::default() };
     let (mut powers, mut near, mut all) = ([Vec::new(), Vec::new()], 0.0, 0.0);
     for seed in 0..RUNS {
+        let view = scene.view(SIZE);
         let (scene, prepass) = (Arc::clone(&scene.scene), Arc::clone(&scene.prepass));
         let indices = 0..settings.count / 4;
-        let work = PhotonWork { scene, prepass, settings, view: VIEW, only_caustics: true, seed, indices };
+        let work = PhotonWork { scene, prepass, settings, view, only_caustics: true, seed, indices };
         let mut power = [0.0; 2];
         for photon in work.perform().caustic {
             let is_far = photon.p.with_y(0.0).length() > 0.3;

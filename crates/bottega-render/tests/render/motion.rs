@@ -1,7 +1,7 @@
 //! Motion blur: known answers, and pictures against the mean of stills.
 
 use bottega_render::{
-    DirectLight, Filter, PathSettings, PhotonSettings, PrepareOptions, PreparedScene, Prepass, View,
+    DirectLight, Filter, PathSettings, PhotonSettings, PrepareOptions, PreparedScene, Prepass,
     flat::{FlatScene, NotFlat},
     integrator::PhotonIntegrator,
 };
@@ -13,7 +13,7 @@ use glam::{Affine3A, Quat, Vec3};
 
 use crate::render::{
     known_answers::{assert_near, floor, irradiance},
-    scenes::{Subject, add_mesh, add_quad, add_sphere, camera, color, lamp, matte, paint, prepare},
+    scenes::{add_mesh, add_quad, add_sphere, camera, color, lamp, matte, paint, prepare},
 };
 
 fn shift(time: f64, by: Vec3) -> TransformKey {
@@ -249,13 +249,14 @@ fn a_moving_scene_is_the_mean_of_its_stills() {
 
 #[test]
 fn techniques_without_motion_refuse_it() {
-    let Subject { scene: prepared, .. } = prepare(moving_scene());
-    assert!(matches!(FlatScene::new(&prepared), Err(missing) if missing.contains(&NotFlat::Motion)));
-    let view = View { camera: 0, width: 8, height: 8 };
+    let subject = prepare(moving_scene());
+    let prepared = &subject.scene;
+    assert!(matches!(FlatScene::new(prepared), Err(missing) if missing.contains(&NotFlat::Motion)));
+    let view = subject.view((8, 8));
     let settings = PathSettings { photons: Some(PhotonSettings::default()), ..PathSettings::default() };
-    let refused = PhotonIntegrator::new(&prepared, &Prepass::default(), view, &settings, PhotonSettings::default());
+    let refused = PhotonIntegrator::new(prepared, &Prepass::default(), &view, &settings, PhotonSettings::default());
     assert!(refused.is_err_and(|error| error.to_string().contains("motion")));
-    assert!(!prepared.can_learn(View { camera: 0, width: 1000, height: 1000 }, 1 << 10));
+    assert!(!prepared.can_learn(&subject.view((1000, 1000)), 1 << 10));
 }
 
 #[test]

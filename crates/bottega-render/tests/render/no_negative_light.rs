@@ -11,7 +11,7 @@ use std::{
 use bottega_image::{AovSet, Layout, Rect, Tile};
 use bottega_render::{
     AgentSettings, AgentUse, Filter, Oracle, PathSettings, PhotonFilter, PhotonSettings, PrepareOptions, PreparedScene,
-    RenderError, View,
+    RenderError,
 };
 use bottega_scene::{Camera, Environment, Image, ImageId, Layered, LoadOptions, Scene};
 use glam::Vec3;
@@ -128,8 +128,7 @@ fn maps() -> Vec<(&'static str, PathSettings)> {
 fn check(name: &str, scene: &Subject, side: u32, ways: &[(&str, PathSettings)]) {
     for (what, settings) in ways {
         let tile = Tile::new(Rect::of_size(side, side), Layout::new(AovSet::NONE));
-        let view = View { camera: 0, width: side, height: side };
-        let tile = match scene.block(view, *settings, tile, 0..SAMPLES).perform() {
+        let tile = match scene.block(&scene.view((side, side)), *settings, tile, 0..SAMPLES).perform() {
             Ok(output) => output.tile,
             Err(RenderError::PhotonsInMedia) => continue,
             Err(error) => panic!("{name}, {what}: {error}"),

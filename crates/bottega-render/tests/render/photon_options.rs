@@ -3,9 +3,7 @@
 use std::sync::Arc;
 
 use bottega_hra::{Hra, HraConfig, VirtualCpu};
-use bottega_render::{
-    PathSettings, PhotonSettings, PrepareOptions, PreparedScene, RenderWork, View, photon::cast_photons,
-};
+use bottega_render::{PathSettings, PhotonSettings, PrepareOptions, PreparedScene, RenderWork, photon::cast_photons};
 use bottega_scene::{Material, Scene};
 use glam::Vec3;
 
@@ -87,8 +85,7 @@ fn the_allocator_makes_the_same_maps() {
         let scene = Subject::new(PreparedScene::new(Arc::clone(&room), &PrepareOptions::default()).unwrap());
         if cast {
             let hra = Hra::new(HraConfig::default(), VirtualCpu::lanes(2, RenderWork::perform));
-            let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
-            cast_photons(&scene.scene, &scene.prepass, view, &settings, &hra.client(), None).unwrap();
+            cast_photons(&scene.scene, &scene.prepass, &scene.view(SIZE), &settings, &hra.client(), None).unwrap();
         }
         let tile = paint(&scene, SIZE, 2, settings);
         (tile.sums().to_vec(), mean_color(&tile))

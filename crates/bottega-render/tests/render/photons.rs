@@ -6,7 +6,7 @@ use bottega_hra::{Hra, HraConfig, VirtualCpu};
 use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
 use bottega_render::{
     AgentSettings, Oracle, PathSettings, PhotonFilter, PhotonSettings, PrepareOptions, PreparedScene, RenderError,
-    RenderWork, View,
+    RenderWork,
     photon::{PhotonWork, cast_photons},
 };
 use bottega_scene::{AlphaMode, Environment, Layered, Light, LightKind, Material, Medium, Scene, Spectrum};
@@ -208,12 +208,12 @@ fn neither_threads_nor_cuts_change_a_bit() {
         let painted = |threads: usize, cuts: &[u32], blocks: u32| -> Vec<f32> {
             let options = PrepareOptions { threads, ..PrepareOptions::default() };
             let scene = Subject::new(PreparedScene::new(Arc::clone(&room), &options).unwrap());
-            let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
+            let view = scene.view(SIZE);
             let mut whole = Tile::new(Rect::of_size(SIZE.0, SIZE.1), Layout::new(AovSet::NONE));
             for rect in Rect::of_size(SIZE.0, SIZE.1).blocks(blocks) {
                 let mut tile = Tile::new(rect, Layout::new(AovSet::NONE));
                 for range in cuts.windows(2) {
-                    tile = scene.block(view, settings, tile, range[0]..range[1]).perform().unwrap().tile;
+                    tile = scene.block(&view, settings, tile, range[0]..range[1]).perform().unwrap().tile;
                 }
                 whole.copy_from(&tile);
             }
@@ -280,8 +280,7 @@ fn shadow_photons_decide_visibility_and_change_little() {
         let photons = PhotonSettings { shadow_photons, final_rays: 0, count: 100_000, ..few() };
         let settings = by_photons(photons, 3, 16);
         let tile = Tile::new(Rect::of_size(SIZE.0, SIZE.1), Layout::new([Aov::Cost].into_iter().collect()));
-        let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
-        let tile = scene.block(view, settings, tile, 0..16).perform().unwrap().tile;
+        let tile = scene.block(&scene.view(SIZE), settings, tile, 0..16).perform().unwrap().tile;
         let place = tile.layout().offset(Aov::Cost).unwrap();
         let cost: f32 = tile.rect().pixels().map(|(x, y)| tile.pixel(x, y)[place]).sum();
         (mean_color(&tile), cost)
@@ -313,8 +312,7 @@ fn maps_made_by_the_allocator_are_the_same() {
         let scene = Subject::new(PreparedScene::new(Arc::clone(&room), &PrepareOptions::default()).unwrap());
         if cast {
             let hra = Hra::new(HraConfig::default(), VirtualCpu::lanes(2, RenderWork::perform));
-            let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
-            cast_photons(&scene.scene, &scene.prepass, view, &settings, &hra.client(), None).unwrap();
+            cast_photons(&scene.scene, &scene.prepass, &scene.view(SIZE), &settings, &hra.client(), None).unwrap();
             assert!(hra.report().resources.iter().map(|resource| resource.units).sum::<u64>() > 3);
         }
         let before = scene.prepass.memory_bytes();
@@ -332,9 +330,8 @@ fn media_are_refused() {
     let fog = Medium { scattering: Vec3::ONE, ..Medium::absorbing(Vec3::ZERO) };
     scene.cameras[0].medium = Some(scene.push_medium(fog));
     let scene = prepare(scene);
-    let view = View { camera: 0, width: 4, height: 4 };
     let tile = Tile::new(Rect::of_size(4, 4), Layout::new(AovSet::NONE));
-    let work = scene.block(view, by_photons(few(), 0, 1), tile, 0..1);
+    let work = scene.block(&scene.view((4, 4)), by_photons(few(), 0, 1), tile, 0..1);
     assert!(matches!(work.perform(), Err(RenderError::PhotonsInMedia)));
 }
 
@@ -354,11 +351,11 @@ fn photons_sent_to_glass_bring_as_much_as_others_by_chance() {
     for (name, scene) in [("lamp", small), ("sky", sky)] {
         let scene = prepare(scene);
         let settings = PhotonSettings { count: 160_000, ..PhotonSettings::default() };
-        let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
         // Power of the caustics, and the number of traced photons that contribute to it.
         let found = |only_caustics: bool, seed: u64| {
             let indices = 0..if only_caustics { settings.count / SHARE } else { settings.count };
             let traced = indices.len() as f64;
+            let view = scene.view(SIZE);
             let (scene, prepass) = (Arc::clone(&scene.scene), Arc::clone(&scene.prepass));
             let photons = PhotonWork { scene, prepass, settings, view, only_caustics, seed, indices }.perform();
             let power: Vec3 = photons.caustic.iter().map(|photon| photon.mark().power()).sum();

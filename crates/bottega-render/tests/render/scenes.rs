@@ -114,9 +114,14 @@ impl Subject {
         Self { scene: Arc::new(scene), prepass: Arc::default() }
     }
 
+    /// The view of the scene's first camera.
+    pub(crate) fn view(&self, (width, height): (u32, u32)) -> View {
+        View::of_scene(self.scene.scene(), 0, width, height).expect("a camera")
+    }
+
     /// The work of rendering a picture of the scene.
-    pub(crate) fn block(&self, view: View, settings: PathSettings, tile: Tile, samples: Range<u32>) -> BlockWork {
-        let (scene, prepass) = (Arc::clone(&self.scene), Arc::clone(&self.prepass));
+    pub(crate) fn block(&self, view: &View, settings: PathSettings, tile: Tile, samples: Range<u32>) -> BlockWork {
+        let (scene, prepass, view) = (Arc::clone(&self.scene), Arc::clone(&self.prepass), view.clone());
         BlockWork { scene, prepass, view, settings: Arc::new(settings), tile, samples, light_groups: None }
     }
 }
@@ -124,8 +129,7 @@ impl Subject {
 /// Renders samples 0 to `spp` of a whole picture.
 pub(crate) fn paint(scene: &Subject, size: (u32, u32), spp: u32, settings: PathSettings) -> Tile {
     let tile = Tile::new(Rect::of_size(size.0, size.1), Layout::new(bottega_image::AovSet::NONE));
-    let view = View { camera: 0, width: size.0, height: size.1 };
-    scene.block(view, settings, tile, 0..spp).perform().expect("a picture").tile
+    scene.block(&scene.view(size), settings, tile, 0..spp).perform().expect("a picture").tile
 }
 
 /// Mean radiance of a pixel.

@@ -150,6 +150,7 @@ fn shares(all: &[MeasuredDevice], primitive: Primitive) -> Vec<f64> {
 /// The scene for the measurements, with rays in it.
 struct Subject {
     prepared: Arc<PreparedScene>,
+    view: View,
     /// Camera rays, in blocks of 8 × 8 pixels.
     rays: Vec<Ray>,
     settings: Arc<PathSettings>,
@@ -158,7 +159,8 @@ struct Subject {
 impl Subject {
     fn new() -> Result<Self, Error> {
         let scene = room();
-        let camera = CameraRays::new(&scene.cameras[0], SIDE, SIDE);
+        let view = View::of_scene(&scene, 0, SIDE, SIDE)?;
+        let camera = CameraRays::new(&view.camera, SIDE, SIDE);
         let rays = Rect::of_size(SIDE, SIDE).blocks(RAY_BLOCK).flat_map(|block| block.pixels());
         let rays = rays.map(|(x, y)| {
             let ray = camera.ray(Vec2::new(x as f32 + 0.5, y as f32 + 0.5), [0.0; 2]);
@@ -167,7 +169,7 @@ impl Subject {
         let rays = rays.collect();
         let prepared = Arc::new(PreparedScene::new(Arc::new(scene), &PrepareOptions::default())?);
         let settings = PathSettings { guiding: false, max_depth: 5, filter: Filter::PIXEL, ..PathSettings::default() };
-        Ok(Self { prepared, rays, settings: Arc::new(settings) })
+        Ok(Self { prepared, view, rays, settings: Arc::new(settings) })
     }
 
     /// Measures all primitives on a device.
@@ -243,7 +245,7 @@ impl Subject {
                 RenderWork::Block(BlockWork {
                     scene,
                     prepass: Arc::default(),
-                    view: View { camera: 0, width: SIDE, height: SIDE },
+                    view: self.view.clone(),
                     settings: Arc::clone(&self.settings),
                     tile: Tile::new(rect, Layout::new(AovSet::NONE)),
                     samples: 0..1 << (n % 3 * 2),

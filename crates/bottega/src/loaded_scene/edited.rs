@@ -42,19 +42,16 @@ impl LoadedScene {
         let cameras = scene.cameras.clone();
         let (camera, aimed) = aimed(&cameras, scene.origin, &request.view)?;
         let [width, height] = size(request, &hints, &aimed)?;
-        scene.cameras[camera] = aimed;
+        scene.cameras[camera] = aimed.clone();
         let mut hints = hints;
         hints.crop = hints.crop.filter(|_| request.film.size.is_none());
         let kind = likeness(self.scene(), &scene);
-        let (prepared, camera_number) = if kind == Likeness::AllButCameras && self.has_alike(&scene.cameras[camera]) {
-            let number = self.prepared.add_camera(scene.cameras[camera].clone());
-            // Remove the old camera, so that a long interactive session does not collect them.
-            self.prepared.remove_camera(self.view.camera);
-            (self.prepared, number)
+        let prepared = if kind == Likeness::AllButCameras && self.has_alike(&aimed) {
+            self.prepared
         } else {
-            (prepared_again(self.prepared, scene, kind, request)?, camera)
+            prepared_again(self.prepared, scene, kind, request)?
         };
-        let view = View { camera: camera_number, width, height };
+        let view = View { camera: Arc::new(aimed), width, height };
         let loaded = Instant::now();
         Ok(Self { prepared, prepass: Arc::default(), view, camera, cameras, warnings, hints, files, loaded })
     }

@@ -47,7 +47,7 @@ impl ViewportLook {
         (request.view, request.environment) = Default::default();
         // Rules may be files of this machine, and choose nothing in a viewport.
         request.work = WorkOptions::default();
-        let (scene, camera) = (subject.prepared.shared_scene(), subject.camera().as_ref().clone());
+        let (scene, camera) = (subject.prepared.shared_scene(), subject.camera().clone());
         // Nothing is denoised elsewhere, and no layers are sent.
         request.film.denoise = false;
         request.film.size = Some([subject.view.width, subject.view.height]);

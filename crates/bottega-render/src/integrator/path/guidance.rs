@@ -6,6 +6,7 @@ use glam::Vec3;
 use super::state::Path;
 use crate::{
     bsdf::{BsdfAt, BsdfSample, LobeFlags, warp::ONE_MINUS_EPSILON},
+    density::SolidAnglePdf,
     guide::{Region, RegionAgent},
     interaction::Interaction,
     lights::Choice,
@@ -55,12 +56,12 @@ impl<'a> Guidance<'a> {
         self.agent?.lights()
     }
 
-    /// Returns the density of a direction, in sr⁻¹, given the BSDF's density of it.
+    /// Returns the density of a direction, given the BSDF's density of it.
     #[inline(always)]
-    pub(super) fn pdf(&self, wi: Vec3, bsdf_pdf: f32) -> f32 {
+    pub(super) fn pdf(&self, wi: Vec3, bsdf_pdf: SolidAnglePdf) -> SolidAnglePdf {
         match self.region {
             None => bsdf_pdf,
-            Some(region) => mixed(region.share(), region.pdf(wi), bsdf_pdf),
+            Some(region) => SolidAnglePdf::new(mixed(region.share(), region.pdf(wi), bsdf_pdf.per_sr())),
         }
     }
 

@@ -29,11 +29,11 @@ impl<'a> PathIntegrator<'a> {
     /// has none.
     ///
     /// # Errors
-    /// [`RenderError::EmptyPicture`], or an error that says that the scene lacks the view's camera.
+    /// [`RenderError::EmptyPicture`].
     pub fn new(
         prepared: &'a PreparedScene,
         prepass: &Prepass,
-        view: View,
+        view: &View,
         settings: &'a PathSettings,
     ) -> Result<Self, RenderError> {
         let mut integrator = Self::unguided(prepared, view, settings)?;
@@ -46,7 +46,7 @@ impl<'a> PathIntegrator<'a> {
     }
 
     /// Returns `true` if the picture needs a guide and the scene can learn one.
-    fn is_to_learn(&self, view: View) -> bool {
+    fn is_to_learn(&self, view: &View) -> bool {
         let PathSettings { guiding, agents, planned_samples, .. } = *self.settings;
         (guiding || agents.any()) && self.prepared.can_learn(view, planned_samples)
     }
@@ -54,7 +54,7 @@ impl<'a> PathIntegrator<'a> {
     /// Learns a guide, for as many passes as pay off, and plans where the picture uses it.
     ///
     /// - `paint`: renders the pixels of a trial; the second argument is the number of the trial, 0 or 1.
-    fn learn<E>(&self, view: View, paint: impl Fn(&Trial<'_>, u32) -> Result<Vec<AllTrials>, E>) -> Result<Guide, E> {
+    fn learn<E>(&self, view: &View, paint: impl Fn(&Trial<'_>, u32) -> Result<Vec<AllTrials>, E>) -> Result<Guide, E> {
         let PathSettings { agents, guiding, filter, planned_samples, .. } = *self.settings;
         // Set up an integrator that follows paths without a guide, deeper than the picture's
         let max_depth = LEARNING_DEPTH;
@@ -68,7 +68,7 @@ impl<'a> PathIntegrator<'a> {
             ..*self
         };
         // Plan the number of passes and of paths per pass from the samples of the whole picture
-        let samples = u64::from(view.width) * u64::from(view.height) * u64::from(planned_samples);
+        let samples = view.pixel_count() * u64::from(planned_samples);
         let budget = LearningBudget::new(samples);
         let lights = agents.any().then(|| self.prepared.lights());
         let mut training = Training::new([view.width, view.height], lights);
@@ -178,7 +178,7 @@ fn settled(guide: Arc<Guide>, plan: PaintPlan) -> Guide {
 pub fn learn_together(
     prepared: &PreparedScene,
     prepass: &Prepass,
-    view: View,
+    view: &View,
     settings: &PathSettings,
     others: &dyn Sharing,
 ) -> Result<(), RenderError> {

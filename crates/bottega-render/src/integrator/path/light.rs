@@ -11,6 +11,7 @@ use super::{
 };
 use crate::{
     color::luminance,
+    density::SolidAnglePdf,
     interaction::Interaction,
     lights::{LightSample, Receiver, RequestedLight},
     sampler::{DimensionSet, Quad},
@@ -74,9 +75,9 @@ impl Path<'_> {
 
     /// Returns the MIS weight of light that the path hit.
     ///
-    /// - `light_pdf`: returns the density with which light sampling finds it from the previous vertex, in sr⁻¹.
+    /// - `light_pdf`: returns the density with which light sampling finds it from the previous vertex.
     #[inline(always)]
-    fn found_by_bsdf(&self, light_pdf: impl FnOnce(&Receiver) -> f32) -> f32 {
+    fn found_by_bsdf(&self, light_pdf: impl FnOnce(&Receiver) -> SolidAnglePdf) -> f32 {
         let settings = self.integrator.settings;
         weight_of_hit(settings.direct_light, self.previous.pdf, || {
             [settings.light_samples.max(1) as f32 * light_pdf(&self.previous.receiver)]
@@ -203,7 +204,7 @@ impl Path<'_> {
     fn light_contribution(&self, vertex: &PathVertex<'_>, light: &LightSample, count: f32) -> Spectrum {
         // Weight by MIS if a direction drawn by the BSDF or the guide can find the same light
         let is_shared = !light.is_delta && self.integrator.settings.direct_light == DirectLight::Combined;
-        let mis_weight = |expected: f32, bsdf_pdf: f32| {
+        let mis_weight = |expected: SolidAnglePdf, bsdf_pdf: SolidAnglePdf| {
             if is_shared { power_heuristic(expected, [vertex.guidance.pdf(light.wi, bsdf_pdf)]) } else { 1.0 }
         };
         match vertex.surface.light_weight(light, count, mis_weight) {

@@ -7,6 +7,7 @@ use super::{
     vertex::PathVertex,
 };
 use crate::{
+    density::SolidAnglePdf,
     sampler::Quad,
     vertex::{LeavingDirection, SurfaceVertex, absorption_behind, leaving_direction},
 };
@@ -43,7 +44,8 @@ impl Path<'_> {
         }
         // Remember this vertex for multiple importance sampling, and move on
         let leaf = if AGENTS && self.integrator.settings.agents.lights { guidance.leaf() } else { NO_LEAF };
-        self.previous = Previous { receiver, pdf: (!is_delta).then_some(sample.pdf), leaf };
+        let pdf = (!is_delta).then_some(SolidAnglePdf::new(sample.pdf));
+        self.previous = Previous { receiver, pdf, leaf };
         self.origin = point.ray_origin(wi);
         self.direction = wi;
         self.depth += 1;

@@ -50,20 +50,20 @@ impl<'a> PathIntegrator<'a> {
     /// Creates an integrator without a guide.
     ///
     /// # Errors
-    /// [`RenderError::EmptyPicture`], or an error that says that the scene lacks the view's camera.
+    /// [`RenderError::EmptyPicture`].
     pub(crate) fn unguided(
         prepared: &'a PreparedScene,
-        view: View,
+        view: &View,
         settings: &'a PathSettings,
     ) -> Result<Self, RenderError> {
-        let camera = prepared.camera(view.camera).ok_or_else(|| prepared.no_camera(view.camera))?;
+        let camera = &*view.camera;
         if view.width == 0 || view.height == 0 {
             return Err(RenderError::EmptyPicture { width: view.width, height: view.height });
         }
         Ok(Self {
             prepared,
             settings,
-            camera: CameraRays::new(&camera, view.width, view.height).moving(prepared.motion().camera(&camera)),
+            camera: CameraRays::new(camera, view.width, view.height).moving(prepared.motion().camera(camera)),
             size: Vec2::new(view.width as f32, view.height as f32),
             camera_medium: camera.medium,
             hides_emitters: camera.hides_emitters,

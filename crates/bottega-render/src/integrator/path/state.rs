@@ -9,6 +9,7 @@ use super::{
 };
 use crate::{
     camera::RayCone,
+    density::SolidAnglePdf,
     guide::{Guide, Trail},
     lights::Receiver,
     sampler::PixelSampler,
@@ -22,9 +23,9 @@ pub(in crate::integrator) const BRANCHES_MAX: usize = 32;
 pub(super) struct Previous {
     /// The point that lights were sampled for.
     pub(super) receiver: Receiver,
-    /// Density of the direction taken from there, in sr⁻¹; `None`: light sampling could not have found light in that
+    /// Density of the direction taken from there; `None`: light sampling could not have found light in that
     /// direction (the camera, or a perfectly specular lobe).
-    pub(super) pdf: Option<f32>,
+    pub(super) pdf: Option<SolidAnglePdf>,
     /// Guide leaf whose agent sampled the lights there; [`NO_LEAF`](super::guidance::NO_LEAF): no agent did.
     pub(super) leaf: u32,
 }

@@ -17,6 +17,7 @@ use crate::{
     ala::Agents,
     bsdf::Bsdf,
     camera::CameraRay,
+    density::SolidAnglePdf,
     interaction::Interaction,
     photon::{
         BOUNCES_KEPT, BounceShares, PhotonMaps,
@@ -322,7 +323,7 @@ impl<'a> GatherPath<'a> {
             let mut ray =
                 GatherState { vertex: VERTICES * (2 + state.depth * count + part), is_short, unknown, ..*state };
             if scatter(self.prepared, &mut ray, vertex, &sample, 1.0 / count as f32) {
-                ray.redraw(sample.pdf, density);
+                ray.redraw(SolidAnglePdf::new(sample.pdf), density);
                 while self.step(&mut ray) {}
             }
         }

@@ -71,8 +71,8 @@ impl<'a> PhotonIntegrator<'a> {
             return Err(RenderError::PhotonsInMedia);
         }
         // Sensors belong to no view
-        let view = View { camera: 0, width: 1, height: 1 };
-        let base = PathIntegrator::unguided(prepared, view, settings)?;
+        let view = View::of_scene(prepared.scene(), 0, 1, 1)?;
+        let base = PathIntegrator::unguided(prepared, &view, settings)?;
         Ok(Self { base, photons, passes, cache: None, view })
     }
 

@@ -8,6 +8,7 @@ use super::{
     state::{ArrivingLight, MediumPath, SegmentPoint},
 };
 use crate::{
+    density::SolidAnglePdf,
     interaction::Interaction,
     lights::{FarLight, LightSample, NO_LIGHT, Receiver, Segment},
     media::{Homogeneous, Phase, channel_probabilities},
@@ -32,7 +33,7 @@ impl MediumPath<'_> {
         let lights = self.prepared.lights();
         let from = self.previous.receiver.p;
         lights.each_far(self.prepared.scene(), from, self.direction, self.event, |light, radiance| {
-            let pdf = |from: &Receiver| (lights.far_pdf(from, None, light, self.direction), 0.0);
+            let pdf = |from: &Receiver| (lights.far_pdf(from, None, light, self.direction), SolidAnglePdf::ZERO);
             add(light, radiance * self.found_by_direction(pdf));
         });
     }
@@ -70,7 +71,9 @@ impl MediumPath<'_> {
         // Weight against a light sample at the previous vertex, and against a distance drawn for this light
         radiance
             * self.found_by_direction(|from| {
-                let Some(light) = lights.light_of(prepared, &point.hit) else { return (0.0, 0.0) };
+                let Some(light) = lights.light_of(prepared, &point.hit) else {
+                    return (SolidAnglePdf::ZERO, SolidAnglePdf::ZERO);
+                };
                 let place = lights.place_pdf_at(prepared, light, from.p, point.p, self.time);
                 let along = self.previous.along.as_ref().map_or(0.0, |along| self.pdf_ratio(along, light));
                 (lights.pmf(from, light) * place, along * place)
@@ -89,7 +92,7 @@ impl MediumPath<'_> {
     ///
     /// - `pdfs`: returns the densities of both other ways to find it from the previous vertex: by a light sample there,
     ///   and by a distance drawn for the light.
-    fn found_by_direction(&self, pdfs: impl FnOnce(&Receiver) -> (f32, f32)) -> f32 {
+    fn found_by_direction(&self, pdfs: impl FnOnce(&Receiver) -> (SolidAnglePdf, SolidAnglePdf)) -> f32 {
         weight_of_hit(self.settings.direct_light, self.previous.pdf, || {
             let (sampled, along) = pdfs(&self.previous.receiver);
             [self.light_samples() as f32 * sampled, along]
@@ -107,8 +110,9 @@ impl MediumPath<'_> {
     }
 
     /// Returns `pdf`, the density of a direction by scattering, if scattering can find the light sample, too; else 0.
-    fn shared(&self, light: &LightSample, pdf: f32) -> f32 {
-        if light.is_delta || self.settings.direct_light != DirectLight::Combined { 0.0 } else { pdf }
+    fn shared(&self, light: &LightSample, pdf: SolidAnglePdf) -> SolidAnglePdf {
+        let is_alone = light.is_delta || self.settings.direct_light != DirectLight::Combined;
+        if is_alone { SolidAnglePdf::ZERO } else { pdf }
     }
 
     /// Adds light scattered at a distance that is drawn for one light.
@@ -138,9 +142,9 @@ impl MediumPath<'_> {
         let pmf_there = lights.pmf(&Receiver { p, n: Vec3::ZERO }, light);
         let others = [
             by_extinction * self.light_samples() as f32 * pmf_there * sample.pdf,
-            by_extinction * self.shared(&sample, phase),
+            by_extinction * self.shared(&sample, SolidAnglePdf::new(phase)),
         ];
-        let weight = power_heuristic(sample.pdf, others) / (pdf * sample.pdf);
+        let weight = power_heuristic(sample.pdf, others) / (pdf * sample.pdf).per_sr();
         let scattered = medium.transmittance(distance) * medium.scattering * phase;
         let contribution = self.throughput * scattered * sample.radiance * weight;
         self.add_if_seen(contribution, p, p, &sample, self.medium);
@@ -170,11 +174,11 @@ impl MediumPath<'_> {
             let expected = count as f32 * light.pdf;
             // Weight against the distance drawn for this light, and against the phase function
             let by_arc = match along {
-                Some(along) if light.light != NO_LIGHT => self.pdf_ratio(along, light.light) * (light.pdf / light.pmf),
-                _ => 0.0,
+                Some(along) if light.light != NO_LIGHT => self.pdf_ratio(along, light.light) * light.pdf_of_place(),
+                _ => SolidAnglePdf::ZERO,
             };
-            let weight = power_heuristic(expected, [by_arc, self.shared(&light, value)]);
-            let contribution = self.throughput * light.radiance * (value * weight / expected);
+            let weight = power_heuristic(expected, [by_arc, self.shared(&light, SolidAnglePdf::new(value))]);
+            let contribution = self.throughput * light.radiance * (value * weight / expected.per_sr());
             self.add_if_seen(contribution, receiver.p, receiver.p, &light, self.medium);
         }
     }
@@ -193,7 +197,7 @@ impl MediumPath<'_> {
                 continue;
             }
             // Compute the contribution if it is visible
-            let mis_weight = |expected: f32, pdf: f32| power_heuristic(expected, [self.shared(&light, pdf)]);
+            let mis_weight = |expected: SolidAnglePdf, pdf| power_heuristic(expected, [self.shared(&light, pdf)]);
             let Some(weight) = vertex.light_weight(&light, count as f32, mis_weight) else { continue };
             let share = share_that_finds(vertex, &light);
             let contribution = self.throughput * weight.value * light.radiance * (weight.factor * share);

@@ -7,6 +7,7 @@ use glam::Vec3;
 use super::super::{group_sums::GroupSums, record::PathRecord, surface::WantedSurface};
 use crate::{
     camera::RayCone,
+    density::SolidAnglePdf,
     interaction::Interaction,
     lights::{Receiver, Segment},
     prepare::PreparedScene,
@@ -19,9 +20,8 @@ use crate::{
 pub(super) struct PreviousVertex {
     /// The point that lights were sampled for.
     pub(super) receiver: Receiver,
-    /// Density of the direction taken from there, in sr⁻¹; `None`: light sampling could not have found light in that
-    /// direction.
-    pub(super) pdf: Option<f32>,
+    /// Density of the direction taken from there; `None`: light sampling could not have found light in that direction.
+    pub(super) pdf: Option<SolidAnglePdf>,
     /// Position of the receiver on its segment, if it is inside a homogeneous medium.
     pub(super) along: Option<SegmentPoint>,
 }

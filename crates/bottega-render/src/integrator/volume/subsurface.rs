@@ -18,6 +18,7 @@ use super::{
 };
 use crate::{
     bsdf::{Interior, warp},
+    density::SolidAnglePdf,
     interaction::{Interaction, material_of},
     media::{Homogeneous, channel_probabilities},
     sampler::DimensionSet,
@@ -89,7 +90,7 @@ impl MediumPath<'_> {
         let sample = bsdf.sample(0.5, [u, v])?;
         let LeavingDirection { wi, .. } = leaving_direction(&exit, &sample)?;
         self.throughput *= sample.weight();
-        self.previous = PreviousVertex { receiver, pdf: Some(sample.pdf), along: None };
+        self.previous = PreviousVertex { receiver, pdf: Some(SolidAnglePdf::new(sample.pdf)), along: None };
         self.event = Visibility::DIFFUSE;
         Some(Departure { origin: exit.ray_origin(wi), wi, pdf: sample.pdf, u_roulette })
     }

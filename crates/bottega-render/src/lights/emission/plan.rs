@@ -10,6 +10,7 @@ use std::f32::consts::PI;
 use glam::Vec3;
 
 use crate::{
+    density::{AreaPdf, SolidAnglePdf},
     extent::Extent,
     sampling::{around, orthonormal_basis, uniform_disk},
 };
@@ -47,20 +48,19 @@ impl EmissionPlan {
         &self.extent
     }
 
-    /// Draws a point outside the scene from which light travels in `direction`; returns it with the inverse of its
-    /// density by area.
+    /// Draws a point outside the scene from which light travels in `direction`; returns it with its density.
     pub(super) fn on_disc(
         &self,
         (center, radius): (Vec3, f32),
         direction: Vec3,
         choice: f32,
         u: [f32; 2],
-    ) -> (Vec3, f32) {
+    ) -> (Vec3, AreaPdf) {
         let (s, t) = orthonormal_basis(direction);
         let disc = uniform_disk(u);
         let across = |disc_radius: f32| (s * disc.x + t * disc.y) * disc_radius;
         if self.discs.len() == 1 {
-            return (center + across(radius) - direction * radius, PI * radius * radius);
+            return (center + across(radius) - direction * radius, AreaPdf::uniform(PI * radius * radius));
         }
         // Choose a disc
         let mut rest = choice;
@@ -86,7 +86,7 @@ impl EmissionPlan {
         };
         // Sum the densities of all discs that cover the point
         let density: f32 = self.discs.iter().enumerate().map(covers).sum();
-        (origin, density.recip())
+        (origin, AreaPdf::new(density))
     }
 
     /// Returns the cone of directions from a distant place to the visible part; `None` if the place is near or everything
@@ -126,8 +126,8 @@ impl AimCone {
     /// `pdf`.
     ///
     /// - `is_within`: `true` if the direction is within the cone; for an aimed one, regardless of rounding.
-    pub(crate) fn mixed(&self, is_within: bool, pdf: f32) -> f32 {
+    pub(crate) fn mixed(&self, is_within: bool, pdf: SolidAnglePdf) -> SolidAnglePdf {
         let own = if is_within { 1.0 / (2.0 * PI * self.one_minus_cos) } else { 0.0 };
-        Self::SHARE * own + (1.0 - Self::SHARE) * pdf
+        SolidAnglePdf::new(Self::SHARE * own + (1.0 - Self::SHARE) * pdf.per_sr())
     }
 }

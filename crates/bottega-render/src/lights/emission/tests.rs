@@ -202,7 +202,7 @@ fn photons_bring_as_much_light_as_light_sampling_finds() {
                 let p = MIDDLE + uniform_sphere([a, b]) * (RADIUS * c.cbrt());
                 let receiver = Receiver { p, n: Vec3::ZERO };
                 let sample = prepared.lights().sample(&prepared, &receiver, sampler.quad(DimensionSet::light(0)));
-                sample.map_or(0.0, |sample| f64::from(luminance(sample.radiance) / sample.pdf))
+                sample.map_or(0.0, |sample| f64::from(luminance(sample.radiance) / sample.pdf.per_sr()))
             }));
             let z = (by_photons.0 - by_lights.0) / (by_photons.1 + by_lights.1).sqrt();
             assert!(by_lights.0 > 0.0 && z.abs() < 4.5, "{name}, {extent:?}: {by_photons:?} {by_lights:?}, z = {z}");

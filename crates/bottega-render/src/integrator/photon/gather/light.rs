@@ -9,6 +9,7 @@ use super::{
     state::{ArrivalKind, GatherState, LightShare},
 };
 use crate::{
+    density::SolidAnglePdf,
     interaction::Interaction,
     lights::{NO_LIGHT, Receiver},
     sampler::{DimensionSet, Quad},
@@ -19,7 +20,7 @@ impl GatherPath<'_> {
     /// Returns the MIS weight of light that the path hit; 0 where photons account for it.
     ///
     /// - `light_pdf`: returns the density with which light sampling finds it from the last BSDF that was not specular.
-    fn found(&self, state: &GatherState, light_pdf: impl FnOnce(&Receiver) -> f32) -> f32 {
+    fn found(&self, state: &GatherState, light_pdf: impl FnOnce(&Receiver) -> SolidAnglePdf) -> f32 {
         match &state.comes {
             ArrivalKind::Camera | ArrivalKind::Mirrored { sharply: true } => 1.0,
             ArrivalKind::Mirrored { sharply: false } => 0.0,
@@ -80,7 +81,7 @@ impl GatherPath<'_> {
             let u: Quad = self.sampler.split_quad(DimensionSet::light(state.vertex), part, count);
             let Some(light) = prepared.lights().sample(prepared, &vertex.receiver, u) else { continue };
             // Weight by MIS, against the density that gathering rays are drawn with
-            let mis_weight = |expected: f32, bsdf_pdf: f32| {
+            let mis_weight = |expected: SolidAnglePdf, bsdf_pdf: SolidAnglePdf| {
                 if light.is_delta || share == LightShare::All {
                     return 1.0;
                 }

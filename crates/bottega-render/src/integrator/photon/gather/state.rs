@@ -7,6 +7,7 @@ use super::super::super::transport::{self, widen};
 use crate::{
     bsdf::BsdfSample,
     camera::{CameraRay, RayCone},
+    density::SolidAnglePdf,
     lights::Receiver,
     prepare::PreparedScene,
     vertex::{LeavingDirection, SurfaceVertex, absorption_behind, leaving_direction},
@@ -20,8 +21,8 @@ pub(super) enum ArrivalKind {
     /// From a BSDF that is not specular: lights were sampled there, too, so emission counts by MIS.
     Spread {
         receiver: Receiver,
-        /// Density that the direction was drawn with, in sr⁻¹.
-        pdf: f32,
+        /// Density that the direction was drawn with.
+        pdf: SolidAnglePdf,
         /// `true`: drawn from a sharp lobe; see [`is_sharp`].
         is_sharp: bool,
     },
@@ -125,8 +126,8 @@ pub(super) fn scatter(
         }
     } else {
         widen(&mut state.cone, sample.pdf);
-        let (receiver, pdf) = (vertex.receiver, sample.pdf);
-        state.comes = ArrivalKind::Spread { receiver, pdf, is_sharp: is_sharp(prepared, pdf) };
+        let (receiver, pdf) = (vertex.receiver, SolidAnglePdf::new(sample.pdf));
+        state.comes = ArrivalKind::Spread { receiver, pdf, is_sharp: is_sharp(prepared, sample.pdf) };
     }
     // Spawn the next ray
     (state.origin, state.direction) = (point.ray_origin(wi), wi);
