@@ -110,8 +110,7 @@ impl CameraRays {
         });
         let (mut half_height, kind) = match camera.projection {
             Projection::Perspective { vertical_fov } => {
-                let kind =
-                    if camera.lenses.is_some() { ProjectionKind::Lenses } else { ProjectionKind::Perspective };
+                let kind = if camera.lenses.is_some() { ProjectionKind::Lenses } else { ProjectionKind::Perspective };
                 (math::tan(0.5 * vertical_fov), kind)
             }
             Projection::Orthographic { height } => (0.5 * height, ProjectionKind::Parallel),

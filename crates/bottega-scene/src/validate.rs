@@ -95,7 +95,10 @@ impl Scene {
             Projection::Perspective { vertical_fov } => vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI,
             Projection::Orthographic { height } => height > 0.0 && height.is_finite(),
             Projection::Fisheye { field_of_view, height, .. } => {
-                field_of_view > 0.0 && field_of_view <= 2.0 * std::f32::consts::PI + 1e-5 && height > 0.0 && height.is_finite()
+                field_of_view > 0.0
+                    && field_of_view <= 2.0 * std::f32::consts::PI + 1e-5
+                    && height > 0.0
+                    && height.is_finite()
             }
             Projection::Panorama(_) => true,
         };
@@ -104,9 +107,8 @@ impl Scene {
         check(blades == 0 || (3..=BLADES_MAX).contains(&blades), "its aperture has neither 0 nor 3 to 1000 blades")?;
         let is_shape = rotation.is_finite() && ratio.is_normal() && ratio > 0.0;
         check(is_shape, "its aperture's rotation is not finite, or its ratio not above 0")?;
-        let has_eyes = |stereo: Stereo| {
-            stereo.eye_distance >= 0.0 && stereo.eye_distance.is_finite() && stereo.convergence > 0.0
-        };
+        let has_eyes =
+            |stereo: Stereo| stereo.eye_distance >= 0.0 && stereo.eye_distance.is_finite() && stereo.convergence > 0.0;
         check(camera.stereo.is_none_or(has_eyes), "the distance of its eyes or their convergence is out of range")?;
         let is_share = |exposure: f32| (0.0..=1.0).contains(&exposure);
         check(camera.rolling_shutter.is_none_or(is_share), "the exposure of its rows is not between 0 and 1")?;

@@ -8,7 +8,13 @@ use std::{
 
 use bottega_farm::{Journal, JournalContents, JournalWriter, ZoneStore};
 
-use crate::{error::Error, identity::identity, loaded_scene::LoadedScene, plan::Plan, request::{Request, ViewOptions}};
+use crate::{
+    error::Error,
+    identity::identity,
+    loaded_scene::LoadedScene,
+    plan::Plan,
+    request::{Request, ViewOptions},
+};
 
 /// The journal of a picture, opened for writing, with the zones it already holds.
 pub struct PictureJournal {

@@ -62,6 +62,7 @@ pub mod picture;
 pub mod plan;
 mod preview;
 pub mod request;
+pub mod rule_texts;
 pub mod rule_view;
 pub mod rules;
 pub mod session;

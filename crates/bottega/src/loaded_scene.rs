@@ -256,7 +256,9 @@ fn default_size(camera: &Camera) -> [u32; 2] {
     let aspect =
         camera.aspect.filter(|aspect| aspect.is_finite() && *aspect > 0.0).unwrap_or(match camera.projection {
             Projection::Perspective { .. } => 16.0 / 9.0,
-            Projection::Orthographic { .. } | Projection::Fisheye { .. } | Projection::Panorama(Panorama::EqualArea) => 1.0,
+            Projection::Orthographic { .. }
+            | Projection::Fisheye { .. }
+            | Projection::Panorama(Panorama::EqualArea) => 1.0,
             Projection::Panorama(Panorama::Equirectangular) => 2.0,
             Projection::Panorama(Panorama::Cube) => 6.0,
         });

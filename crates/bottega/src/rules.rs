@@ -1,20 +1,12 @@
 //! Expert rules, from files or built in. Errors point at the place in the text.
 
-use std::{
-    fs::File,
-    io::Read,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
-use bottega_engines::external::{ShelfEntry, shipped_rules};
-use bottega_farm::{EngineChoice, Expert, ExpertError, PAPER_RULES, PAPER_RULES_NAME, Technique};
-use bottega_fuzzy::{Aggregate, Document, Explanation, FclErrorKind, FunctionBlock, Limits, Position, parse_document};
+use bottega_farm::{EngineChoice, Expert, ExpertError};
+use bottega_fuzzy::{Aggregate, Document, Explanation, FclErrorKind, FunctionBlock, Position, parse_document};
 use serde_json::{Map, Value, json};
 
-use crate::{
-    error::Error,
-    request::{RulesSource, RulesText},
-};
+use crate::{error::Error, request::RulesText};
 
 /// An FCL text, parsed.
 pub struct Source {
@@ -83,64 +75,6 @@ impl Source {
     }
 }
 
-impl RulesText {
-    fn read(path: &Path) -> Result<Self, Error> {
-        let technique = Technique::ALL.into_iter().find(|technique| Path::new(technique.rules_name()) == path);
-        let choice = (Path::new(EngineChoice::RULES_NAME) == path).then_some(EngineChoice::RULES);
-        let paper = (Path::new(PAPER_RULES_NAME) == path).then_some(PAPER_RULES);
-        let built_in = technique.map(Technique::rules).or(choice).or(paper).or_else(|| shipped_rules(path));
-        let text = match built_in {
-            Some(text) if !path.is_file() => text.to_owned(),
-            _ => read_text(path)?,
-        };
-        Ok(Self { name: path.to_owned(), text })
-    }
-
-    /// Returns the rules of an external engine; `None`: it has none.
-    ///
-    /// # Errors
-    /// The engine's file of rules cannot be read.
-    pub fn of_engine(entry: &ShelfEntry) -> Result<Option<Self>, Error> {
-        match entry.rules() {
-            None => Ok(None),
-            Some((path, Some(text))) => Ok(Some(Self { name: path, text: text.to_owned() })),
-            Some((path, None)) => Ok(Some(Self { text: read_text(&path)?, name: path })),
-        }
-    }
-
-    /// Returns the rules that choose the engine of a zone: those of `source`, else the built-in ones.
-    ///
-    /// # Errors
-    /// The rules cannot be read.
-    pub fn of_choice(source: Option<&RulesSource>) -> Result<Self, Error> {
-        match source {
-            Some(source) => source.read(),
-            None => Self::read(Path::new(EngineChoice::RULES_NAME)),
-        }
-    }
-}
-
-impl RulesSource {
-    /// Reads the text of the rules.
-    ///
-    /// # Errors
-    /// The file cannot be read.
-    pub fn read(&self) -> Result<RulesText, Error> {
-        match self {
-            Self::File(path) => RulesText::read(path),
-            Self::Text(text) => Ok(text.clone()),
-        }
-    }
-}
-
-/// Reads the texts of all rule sources.
-///
-/// # Errors
-/// A file cannot be read.
-pub fn rule_texts(sources: &[RulesSource]) -> Result<Vec<RulesText>, Error> {
-    sources.iter().map(RulesSource::read).collect()
-}
-
 /// Returns the experts of these rule texts, and warnings about them; without texts the built-in expert for path tracing.
 ///
 /// # Errors
@@ -179,25 +113,6 @@ pub fn inputs(block: &FunctionBlock) -> String {
 
 fn at(path: &Path, text: &str, place: Position, problem: String) -> Error {
     Error::RulesText { path: path.to_owned(), place, problem, text: text.into(), span: place.range_in(text) }
-}
-
-fn read_text(path: &Path) -> Result<String, Error> {
-    let unusable = |problem: &str| Error::Rules { path: path.to_owned(), problem: problem.to_owned() };
-    if path.is_dir() {
-        return Err(unusable("it is a folder; name an .fcl file in it"));
-    }
-    let read = |source| Error::Read { path: path.to_owned(), source };
-    let mut bytes = Vec::new();
-    // Read one byte above the limit, which shows that a file is too long without reading all of it
-    let most = Limits::TEXT_BYTES_MAX as u64 + 1;
-    File::open(path).and_then(|file| file.take(most).read_to_end(&mut bytes)).map_err(read)?;
-    if bytes.len() > Limits::TEXT_BYTES_MAX {
-        return Err(unusable(&format!(
-            "it is longer than {} bytes, the maximum of a rules file",
-            Limits::TEXT_BYTES_MAX
-        )));
-    }
-    String::from_utf8(bytes).map_err(|_| unusable("it is not UTF-8 text"))
 }
 
 /// Returns a function block with the terms of some inputs laid out over intervals of values, such as those found in a scene.

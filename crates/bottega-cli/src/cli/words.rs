@@ -142,8 +142,8 @@ mod tests {
     use bottega::request::{
         AdaptationChoice, AuctionChoice, BalanceChoice, BandChoice, CameraPose, ColorSpace, Compression,
         EnvironmentLight, FrameOptions, GuideChoice, GuideUse, ImportanceChoice, IntegratorChoice, OptimizationChoice,
-        OracleChoice, OracleQuestion, PixelFilter, PngEncoding, ProjectionChoice, RulesSource, RulesText, ShutterTimes, ToneCurve,
-        WordChoice,
+        OracleChoice, OracleQuestion, PixelFilter, PngEncoding, ProjectionChoice, RulesSource, RulesText, ShutterTimes,
+        ToneCurve, WordChoice,
     };
     use bottega_farm::Channel;
     use clap::Parser;

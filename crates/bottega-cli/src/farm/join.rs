@@ -6,7 +6,8 @@ use bottega::{
     StopSwitch,
     devices::DeviceChoice,
     request::{RulesSource, TAG_FORM, TAGS_MAX, is_tag},
-    rules::{experts, rule_texts},
+    rule_texts::rule_texts,
+    rules::experts,
 };
 use bottega_cluster::{
     FarmAddress,

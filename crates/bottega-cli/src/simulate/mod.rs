@@ -15,7 +15,8 @@ use std::{
 use bottega::{
     events::AuctionEvent,
     request::RulesSource,
-    rules::{experts, rule_texts},
+    rule_texts::rule_texts,
+    rules::experts,
     settings::{adaptation_rule, auction_rule},
     text::duration,
 };

@@ -74,7 +74,8 @@ fn files_have_the_color_space_compression_and_parts_that_are_asked_for() {
     let folder = tempfile::tempdir().expect("a folder");
     let paint = |name: &str, more: &[&str]| {
         let path = folder.path().join(name);
-        let usual = ["--size", "64x48", "--spp", "4", "--seed", "3", "--aov", "depth,normal,position,crypto-object", "--quiet"];
+        let usual =
+            ["--size", "64x48", "--spp", "4", "--seed", "3", "--aov", "depth,normal,position,crypto-object", "--quiet"];
         succeed(&[&["render", "cornell-box.glb", "-o", text(&path)], &usual[..], more].concat());
         path
     };

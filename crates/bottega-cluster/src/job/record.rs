@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use bottega::{
     Request,
     devices::DeviceChoice,
-    engines::{agent_rules, choice_rules},
+    plan::RuleTexts,
     request::{DeviceOptions, EnvironmentLight, RulesSource, WorkOptions},
 };
 use schemars::JsonSchema;
@@ -183,8 +183,9 @@ mod request_json {
 /// A file of rules cannot be read.
 pub(crate) fn for_others(request: &Request) -> Result<Request, Error> {
     let mut request = request.clone();
-    request.work.rules = agent_rules(&request)?.into_iter().map(RulesSource::Text).collect();
-    request.engine.rules = choice_rules(&request)?.map(RulesSource::Text);
+    let RuleTexts { agents: of_agents, choice } = RuleTexts::of(&request)?;
+    request.work.rules = of_agents.into_iter().map(RulesSource::Text).collect();
+    request.engine.rules = choice.map(RulesSource::Text);
     let WorkOptions { agents, .. } = &mut request.work;
     *agents = None;
     let DeviceOptions { threads, names, .. } = &mut request.devices;

@@ -10,8 +10,8 @@ use std::{
 
 use bottega::{
     Event,
-    engines::agent_rules,
     events::ZoneEvent,
+    plan::RuleTexts,
     request::{RulesSource, RulesText},
     rule_view::{RuleInputs, RuleSetView, RuleVerdict},
 };
@@ -87,7 +87,7 @@ impl JobBoard {
 
     /// Returns the texts of the rules; the built-in ones if the job names none.
     fn rule_texts(&self, job: &Job) -> Result<Vec<RulesText>, Error> {
-        let mut texts = agent_rules(&self.spec(job)?.request)?;
+        let mut texts = RuleTexts::of(&self.spec(job)?.request)?.agents;
         if texts.is_empty() {
             texts.push(RulesSource::File(Technique::PathTracing.rules_name().into()).read()?);
         }

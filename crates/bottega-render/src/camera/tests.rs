@@ -99,10 +99,7 @@ fn a_panorama_sees_all_around() {
     for (inside, beyond) in [((0.1, 30.0), (-0.1, 70.0)), ((60.0, 99.9), (140.0, 100.1))] {
         close(at(inside.0, inside.1), at(beyond.0, beyond.1));
     }
-    close(
-        round.ray(Vec2::new(30.0, -0.5), [0.0; 2]).direction,
-        round.ray(Vec2::new(130.0, 0.5), [0.0; 2]).direction,
-    );
+    close(round.ray(Vec2::new(30.0, -0.5), [0.0; 2]).direction, round.ray(Vec2::new(130.0, 0.5), [0.0; 2]).direction);
 }
 
 #[test]
@@ -277,8 +274,7 @@ fn the_pictures_of_two_eyes_agree_at_their_convergence() {
 
 #[test]
 fn lenses_show_what_a_thin_lens_of_their_angle_shows() {
-    let surface =
-        |radius, thickness, eta| LensSurface { radius, thickness, eta, aperture_radius: 0.002 };
+    let surface = |radius, thickness, eta| LensSurface { radius, thickness, eta, aperture_radius: 0.002 };
     let surfaces = vec![surface(0.1, 0.001, 1.5), surface(-0.1, 0.05, 1.0)];
     let description = LensDescription { surfaces, film_diagonal: 0.01, focus_distance: Some(2.0) };
     let system = LensSystem::new(description).unwrap();

@@ -34,8 +34,7 @@ fn a_film_behind_a_stop_gets_its_irradiance() {
 
 #[test]
 fn beyond_the_rim_of_a_fisheye_the_picture_is_black_and_transparent() {
-    let projection =
-        Projection::Fisheye { mapping: FisheyeMapping::Equidistant, field_of_view: PI, height: 1.0 };
+    let projection = Projection::Fisheye { mapping: FisheyeMapping::Equidistant, field_of_view: PI, height: 1.0 };
     let tile = paint(&prepare(furnace(Camera { projection, ..Camera::default() })), (16, 16), 4, settings());
     assert_eq!(color(&tile, 8, 8), Vec3::ONE);
     assert_eq!(color(&tile, 0, 0), Vec3::ZERO);

@@ -81,5 +81,6 @@ fn seen_through(surfaces: &[LensSurface], [from, to]: [f32; 2], within: Rectangl
             (min, max) = (min.min(point), max.max(point));
         }
     }
-    (min.x <= max.x).then(|| Rectangle { min: (min - 1.5 * cell).max(within.min), max: (max + 1.5 * cell).min(within.max) })
+    (min.x <= max.x)
+        .then(|| Rectangle { min: (min - 1.5 * cell).max(within.min), max: (max + 1.5 * cell).min(within.max) })
 }

@@ -10,7 +10,8 @@ fn surface(radius: f32, thickness: f32, eta: f32, aperture_radius: f32) -> LensS
 
 /// A lens of glass that bulges on both sides, with a stop behind it.
 fn biconvex(stop: f32) -> LensDescription {
-    let surfaces = vec![surface(0.04, 0.006, 1.5, 0.012), surface(-0.05, 0.002, 1.0, 0.012), surface(0.0, 0.04, 1.0, stop)];
+    let surfaces =
+        vec![surface(0.04, 0.006, 1.5, 0.012), surface(-0.05, 0.002, 1.0, 0.012), surface(0.0, 0.04, 1.0, stop)];
     LensDescription { surfaces, film_diagonal: 0.01, focus_distance: None }
 }
 
@@ -23,9 +24,8 @@ fn focused(stop: f32, distance: f32) -> Result<LensSystem, LensError> {
 fn mean_weight(system: &LensSystem, film: Vec2) -> f32 {
     const SIDE: usize = 256;
     let number = |index: usize| (index as f32 + 0.5) / SIDE as f32;
-    let weight = |index: usize| {
-        system.ray(film, [number(index % SIDE), number(index / SIDE)]).map_or(0.0, |ray| ray.weight)
-    };
+    let weight =
+        |index: usize| system.ray(film, [number(index % SIDE), number(index / SIDE)]).map_or(0.0, |ray| ray.weight);
     (0..SIDE * SIDE).map(weight).sum::<f32>() / (SIDE * SIDE) as f32
 }
 

@@ -47,7 +47,10 @@ impl PbrtWorld {
         let film_aspect = f64::from(width) / f64::from(height);
         let aspect = params.float("frameaspectratio")?.unwrap_or(film_aspect);
         if !(aspect > 1e-6 && aspect < 1e6) {
-            return Err(params.place_of("frameaspectratio").fault("the aspect ratio is not between 1e-6 and 1e6").into());
+            return Err(params
+                .place_of("frameaspectratio")
+                .fault("the aspect ratio is not between 1e-6 and 1e6")
+                .into());
         }
         let mut window =
             if aspect > 1.0 { [-aspect, aspect, -1.0, 1.0] } else { [-1.0, 1.0, -1.0 / aspect, 1.0 / aspect] };

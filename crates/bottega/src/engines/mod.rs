@@ -20,8 +20,7 @@ pub use self::{
 };
 use crate::{
     error::Error,
-    request::{BUILTIN, EngineOptions, Request, RulesText},
-    rules::rule_texts,
+    request::{BUILTIN, EngineOptions},
 };
 
 impl EngineOptions {
@@ -56,32 +55,6 @@ pub fn shelf(folders: &[PathBuf]) -> Shelf {
 /// Stores quarantines of engines in the state folder, so that later processes know which engines not to use on this machine.
 pub fn keep_quarantines() {
     external::keep_quarantines_in(state_folder().join("engines"));
-}
-
-/// Returns the rules of the agents: those of the request, else those of the external engine. Empty: use the defaults.
-///
-/// # Errors
-/// A file of rules cannot be read, or there is no such engine.
-pub fn agent_rules(request: &Request) -> Result<Vec<RulesText>, Error> {
-    if !request.work.rules.is_empty() || request.engine.is_builtin() {
-        return rule_texts(&request.work.rules);
-    }
-    let (name, is_mixed) = request.engine.other()?;
-    // With two engines only the default rules suit both.
-    let rules_of_engine = if is_mixed { None } else { RulesText::of_engine(&entry(&request.engine.manifests, name)?)? };
-    Ok(rules_of_engine.into_iter().collect())
-}
-
-/// Returns the rules that choose the engine of each zone; `None`: there is only one engine.
-///
-/// # Errors
-/// The rule file cannot be read.
-pub fn choice_rules(request: &Request) -> Result<Option<RulesText>, Error> {
-    if request.engine.names.len() > 1 {
-        RulesText::of_choice(request.engine.rules.as_ref()).map(Some)
-    } else {
-        Ok(None)
-    }
 }
 
 /// Returns the manifest of an engine, by name.

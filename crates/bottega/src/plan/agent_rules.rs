@@ -3,11 +3,42 @@
 use bottega_farm::{EngineChoice, Expert};
 
 use crate::{
-    engines::{agent_rules, choice_rules},
+    engines::entry,
     error::Error,
-    request::Request,
+    request::{Request, RulesText},
+    rule_texts::rule_texts,
     rules::{engine_choice, experts},
 };
+
+/// The texts of the rules of a request.
+#[derive(Clone, Debug)]
+pub struct RuleTexts {
+    /// The rules of the agents; empty: the built-in ones.
+    pub agents: Vec<RulesText>,
+    /// The rules that choose the engine of each zone; `None`: there is only one engine.
+    pub choice: Option<RulesText>,
+}
+
+impl RuleTexts {
+    /// Reads the texts: those of the request, else those of the external engine.
+    ///
+    /// # Errors
+    /// A file of rules cannot be read, or there is no such engine.
+    pub fn of(request: &Request) -> Result<Self, Error> {
+        let agents = if !request.work.rules.is_empty() || request.engine.is_builtin() {
+            rule_texts(&request.work.rules)?
+        } else {
+            let (name, is_mixed) = request.engine.other()?;
+            // With two engines only the default rules suit both.
+            let of_engine =
+                if is_mixed { None } else { RulesText::of_engine(&entry(&request.engine.manifests, name)?)? };
+            of_engine.into_iter().collect()
+        };
+        let has_choice = request.engine.names.len() > 1;
+        let choice = has_choice.then(|| RulesText::of_choice(request.engine.rules.as_ref())).transpose()?;
+        Ok(Self { agents, choice })
+    }
+}
 
 /// The rules by which agents choose the parameters and the engine of zones.
 #[derive(Clone, Debug)]
@@ -26,8 +57,9 @@ impl AgentRules {
     /// # Errors
     /// A file of rules cannot be read or used.
     pub fn of(request: &Request) -> Result<Self, Error> {
-        let (experts, notes) = experts(agent_rules(request)?)?;
-        let choice = choice_rules(request)?.map(engine_choice).transpose()?;
+        let RuleTexts { agents, choice } = RuleTexts::of(request)?;
+        let (experts, notes) = experts(agents)?;
+        let choice = choice.map(engine_choice).transpose()?;
         Ok(Self { experts, choice, notes })
     }
 

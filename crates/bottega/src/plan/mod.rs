@@ -13,7 +13,10 @@ use bottega_engines::Urgency;
 use bottega_farm::{Goal, JobSettings};
 use bottega_render::PathSettings;
 
-pub use self::{agent_rules::AgentRules, part::PicturePart};
+pub use self::{
+    agent_rules::{AgentRules, RuleTexts},
+    part::PicturePart,
+};
 pub(crate) use self::{
     job::{check_crop, crop, default_sample_limit, shared_settings},
     part::time_goal,

@@ -6,7 +6,10 @@ use bottega_denoise::Denoiser;
 use bottega_engines::BuiltinEngine;
 use bottega_scene::Loaded;
 
-use super::{Session, painter::Painter};
+use super::{
+    Session,
+    painter::{OpenedPicture, Painter},
+};
 use crate::{
     builtin::BuiltinPainter,
     error::Error,
@@ -39,11 +42,12 @@ impl Session {
         let rules = AgentRules::of(request)?;
         let notes = rules.notes.clone();
         let part = PicturePart::Whole { begun, urgency: options.urgency };
-        let painter = Painter::of_scene(request, subject.seen_as(request)?, rules, &part)?;
-        let session = Self { denoiser, ..Self::new(request, options, painter, notes, begun) };
-        let resume = session.options.resume;
-        let journal = PictureJournal::of_request(request, &session.name()?, resume)?;
-        Ok(Self { journal, ..session })
+        let opened = Painter::of_scene(request, subject.seen_as(request)?, rules, &part)?;
+        let name = opened.painter.name(request)?;
+        let journal = PictureJournal::of_request(request, &name, options.resume)?;
+        // The warnings about the scene have been reported
+        let opened = OpenedPicture { notes, ..opened };
+        Ok(Self { denoiser, journal, ..Self::new(request, options, opened, begun) })
     }
 
     /// Changes the scene to another state of it, and the view and size to those of a request. Only what has changed is prepared
@@ -65,8 +69,8 @@ impl Session {
         let rules = AgentRules::of(request)?;
         let notes = rules.notes.clone();
         let part = PicturePart::Whole { begun, urgency: options.urgency };
-        let painter = Painter::of_scene(request, subject, rules, &part)?;
-        Ok(Self { denoiser, ..Self::new(request, options, painter, notes, begun) })
+        let opened = OpenedPicture { notes, ..Painter::of_scene(request, subject, rules, &part)? };
+        Ok(Self { denoiser, ..Self::new(request, options, opened, begun) })
     }
 
     /// Returns the loaded scene; `None` with an external engine.

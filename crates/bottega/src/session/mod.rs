@@ -25,7 +25,7 @@ use bottega_farm::{
 use bottega_image::{Film, Metadata, Rect, Tile, check_writable};
 use bottega_scene::Loaded;
 
-use self::painter::Painter;
+use self::painter::{Beginning, OpenedPicture, Painter};
 pub use self::{painting::ActiveSession, reporter::Reporter, watcher::Watcher};
 use crate::{
     denoise,
@@ -124,13 +124,12 @@ impl Session {
         let request = &request.by_engine_of_scene();
         Self::check(request, &options)?;
         // Read rules and scene, choose everything for the picture, and make its engine
-        let painter = Painter::open(request, &PicturePart::Whole { begun, urgency: options.urgency })?;
+        let opened = Painter::open(request, &PicturePart::Whole { begun, urgency: options.urgency })?;
         // Report a missing denoiser before anything is written.
         let denoiser = denoise::ready(request)?;
-        let notes = painter.notes();
-        let session = Self { denoiser, ..Self::new(request, options, painter, notes, begun) };
-        let journal = PictureJournal::of_request(request, &session.name()?, session.options.resume)?;
-        Ok(Self { journal, ..session })
+        let name = opened.painter.name(request)?;
+        let journal = PictureJournal::of_request(request, &name, options.resume)?;
+        Ok(Self { denoiser, journal, ..Self::new(request, options, opened, begun) })
     }
 
     /// Opens a session for a scene in memory. The request's `scene.file` serves as its name alone. The session writes no
@@ -163,10 +162,9 @@ impl Session {
         }
         let part = PicturePart::Whole { begun, urgency: options.urgency };
         let rules = AgentRules::of(request)?;
-        let painter = Painter::of_scene(request, LoadedScene::of_scene(scene, request)?, rules, &part)?;
-        let notes = painter.notes();
+        let opened = Painter::of_scene(request, LoadedScene::of_scene(scene, request)?, rules, &part)?;
         let denoiser = denoise::ready(request)?;
-        Ok(Self { denoiser, ..Self::new(request, options, painter, notes, begun) })
+        Ok(Self { denoiser, ..Self::new(request, options, opened, begun) })
     }
 
     /// Opens a session that renders zones of another process's job. The scene files are on this machine; the session writes no
@@ -177,9 +175,9 @@ impl Session {
     pub fn for_others(request: &Request, part: JobPart<'_>) -> Result<Self, Error> {
         let begun = Instant::now();
         request.validate()?;
-        let painter = Painter::open(request, &PicturePart::Zones { files: part.files, turn: part.turn })?;
+        let opened = Painter::open(request, &PicturePart::Zones { files: part.files, turn: part.turn })?;
         // All machines must have the same engine
-        let identity = painter.identity();
+        let identity = opened.painter.identity();
         if identity.as_deref() != part.engine {
             let name = |engine: Option<&str>| engine.unwrap_or("the built-in engine").to_owned();
             return Err(Error::failed(
@@ -187,24 +185,19 @@ impl Session {
                 "install the same version of the engine, and the same manifest, on all machines",
             ));
         }
-        painter.log_faults();
-        let notes = painter.notes();
-        let session = Self::new(request, SessionOptions::default(), painter, notes, begun);
+        opened.painter.log_faults();
+        let session = Self::new(request, SessionOptions::default(), opened, begun);
         Ok(Self { submitted: part.submitted.clone(), ..session })
     }
 
     /// Makes a session without denoiser and journal.
-    fn new(request: &Request, options: SessionOptions, painter: Painter, notes: Vec<String>, begun: Instant) -> Self {
-        let settings = painter.settings().clone();
+    fn new(request: &Request, options: SessionOptions, opened: OpenedPicture, begun: Instant) -> Self {
+        let OpenedPicture { painter, settings, notes } = opened;
         Self {
             request: request.clone(),
             submitted: request.clone(),
             options,
-            settings: JobSettings {
-                technique: painter.technique(&settings).into(),
-                subject: painter.subject(request, &settings),
-                ..settings
-            },
+            settings,
             painter,
             denoiser: None,
             notes,
@@ -299,10 +292,7 @@ impl Session {
     /// # Errors
     /// The scene file of another engine cannot be read.
     pub fn name(&self) -> Result<String, Error> {
-        match &self.painter {
-            Painter::Own(own) => Ok(own.name(&self.request)),
-            Painter::Other(painter) => painter.name(&self.request),
-        }
+        self.painter.name(&self.request)
     }
 
     /// Returns the scene files that a farm needs for this picture.
@@ -349,22 +339,22 @@ impl Session {
     pub fn begin(mut self, reporter: Arc<Reporter>) -> Result<(ActiveSession, PaintingSetup), Error> {
         // Report warnings and the start
         self.notes.iter().for_each(|note| reporter.warn(note.clone()));
-        reporter.tell(self.painter.started(&self.request, &self.settings));
+        let Beginning { started, engine, counter } = self.painter.begin(&self.request, &self.settings);
+        reporter.tell(started);
         let (journal, store, kept) = match self.journal.take() {
             Some(PictureJournal { path, store, kept }) => (Some(path), Some(store), kept),
             None => (None, None, None),
         };
         // Start previews and progress events
         let tev = self.show(&reporter, kept.as_ref())?;
-        reporter.watch(self.painter.counter());
+        reporter.watch(counter);
         // Subtract loading and finishing from the time limit
         if let (Goal::Time(_), Some(time)) = (self.settings.goal, self.request.goal.time) {
             let finishing = finishing(&self.request, &self.settings, self.denoiser.is_some());
             self.settings.goal = time_goal(time, self.begun, finishing);
         }
         // Record the times of zones
-        let (engine, observer): (Arc<dyn RenderEngine>, Arc<dyn Observer>) =
-            (self.painter.engine(), Arc::clone(&reporter) as _);
+        let observer: Arc<dyn Observer> = Arc::clone(&reporter) as _;
         let record = |_: &PathBuf| Arc::new(Recorder::new(Arc::clone(&engine), Arc::clone(&observer)));
         let recorder = self.options.record.as_ref().map(|path| (path.clone(), record(path)));
         let (engine, observer) = match &recorder {

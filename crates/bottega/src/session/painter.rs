@@ -29,17 +29,37 @@ pub(super) enum Painter {
     Other(Box<ExternalPainter>),
 }
 
+/// A picture whose engine is prepared.
+pub(super) struct OpenedPicture {
+    pub(super) painter: Painter,
+    /// The settings of the job.
+    pub(super) settings: JobSettings,
+    /// Warnings, to report before rendering begins.
+    pub(super) notes: Vec<String>,
+}
+
+/// The values with which rendering begins.
+pub(super) struct Beginning {
+    /// The event that reports the start.
+    pub(super) started: Event,
+    pub(super) engine: Arc<dyn RenderEngine>,
+    /// Returns the number of samples taken so far, over all pixels.
+    pub(super) counter: Box<dyn Fn() -> u64 + Send>,
+}
+
 impl Painter {
     /// Loads the scene of a request and makes its engine.
     ///
     /// # Errors
     /// The scene, the rules or the engine of the request cannot be used.
-    pub(super) fn open(request: &Request, part: &PicturePart<'_>) -> Result<Self, Error> {
+    pub(super) fn open(request: &Request, part: &PicturePart<'_>) -> Result<OpenedPicture, Error> {
         let rules = AgentRules::of(request)?.turned(part.turn());
         if request.engine.is_builtin() {
             return Self::of_scene(request, LoadedScene::load(request)?, rules, part);
         }
-        Ok(Self::Other(Box::new(ExternalPainter::open(request, rules, part)?)))
+        let painter = ExternalPainter::open(request, rules, part)?;
+        let notes = painter.notes.clone();
+        Ok(Self::Other(Box::new(painter)).opened(request, notes))
     }
 
     /// Plans the picture of a loaded scene and makes the built-in engine for it.
@@ -51,9 +71,22 @@ impl Painter {
         scene: LoadedScene,
         rules: AgentRules,
         part: &PicturePart<'_>,
-    ) -> Result<Self, Error> {
+    ) -> Result<OpenedPicture, Error> {
         let plan = Plan::of(request, &scene, rules, part)?;
-        Ok(Self::Own(Box::new(BuiltinPainter::open(plan, scene)?)))
+        let painter = BuiltinPainter::open(plan, scene)?;
+        let notes = painter.notes();
+        Ok(Self::Own(Box::new(painter)).opened(request, notes))
+    }
+
+    /// Completes the settings of the job by what earlier and later jobs know it by.
+    fn opened(self, request: &Request, notes: Vec<String>) -> OpenedPicture {
+        let planned = match &self {
+            Self::Own(own) => &own.plan.job,
+            Self::Other(painter) => &painter.settings,
+        };
+        let technique = self.technique(planned).into();
+        let settings = JobSettings { technique, subject: self.subject(request, planned), ..planned.clone() };
+        OpenedPicture { painter: self, settings, notes }
     }
 
     /// Returns the identity of an external engine, the same on all machines that have it; `None`: the built-in engine.
@@ -72,14 +105,6 @@ impl Painter {
         }
     }
 
-    /// Returns the warnings to report before rendering begins.
-    pub(super) fn notes(&self) -> Vec<String> {
-        match self {
-            Self::Own(own) => own.notes(),
-            Self::Other(painter) => painter.notes.clone(),
-        }
-    }
-
     pub(super) fn engine(&self) -> Arc<dyn RenderEngine> {
         match self {
             Self::Own(own) => Arc::clone(&own.engine) as _,
@@ -87,16 +112,25 @@ impl Painter {
         }
     }
 
-    pub(super) fn settings(&self) -> &JobSettings {
+    /// Returns a text with everything that determines the pixels, but not the number of agents and threads.
+    ///
+    /// # Errors
+    /// The scene file of another engine cannot be read.
+    pub(super) fn name(&self, request: &Request) -> Result<String, Error> {
         match self {
-            Self::Own(own) => &own.plan.job,
-            Self::Other(painter) => &painter.settings,
+            Self::Own(own) => Ok(own.name(request)),
+            Self::Other(painter) => painter.name(request),
         }
+    }
+
+    /// Returns the values with which rendering begins.
+    pub(super) fn begin(&self, request: &Request, settings: &JobSettings) -> Beginning {
+        Beginning { started: self.started(request, settings), engine: self.engine(), counter: self.counter() }
     }
 
     /// Returns a key of everything but the scene that decides the time per path: engine, integrator, devices. Times are learned
     /// per key.
-    pub(super) fn technique(&self, settings: &JobSettings) -> String {
+    fn technique(&self, settings: &JobSettings) -> String {
         let mut technique = match self {
             Self::Own(own) => {
                 let progressive = own.plan.method.photons.is_some_and(|photons| photons.progressive);
@@ -116,7 +150,7 @@ impl Painter {
 
     /// Returns the identity of the picture, by which a later job recognizes it; unknown for other engines, whose scene files are
     /// not read here.
-    pub(super) fn subject(&self, request: &Request, settings: &JobSettings) -> Subject {
+    fn subject(&self, request: &Request, settings: &JobSettings) -> Subject {
         let Self::Own(own) = self else { return Subject::default() };
         let loaded = &own.subject;
         let (width, height, crop) = (f64::from(settings.width), f64::from(settings.height), settings.crop);
@@ -170,7 +204,7 @@ impl Painter {
         metadata
     }
 
-    pub(super) fn started(&self, request: &Request, settings: &JobSettings) -> Event {
+    fn started(&self, request: &Request, settings: &JobSettings) -> Event {
         let (integrator, method, painters, triangles, threads, gpus, progressive) = match self {
             Self::Own(own) => (
                 own.plan.method.word().to_owned(),
