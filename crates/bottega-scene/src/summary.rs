@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::camera::Projection;
+use crate::camera::{Camera, Projection};
 use crate::hints::Metadata;
 use crate::light::LightKind;
 use crate::load::Loaded;
@@ -52,7 +52,8 @@ impl SceneSummary {
         let environment = scene.environment.as_ref().map(|environment| {
             environment.image.map(|image| scene.images[image.0 as usize].name.clone()).unwrap_or_default()
         });
-        let camera_kind = |projection: &Projection| match projection {
+        let camera_kind = |camera: &Camera| match camera.projection {
+            Projection::Perspective { .. } if camera.lenses.is_some() => "perspective with lenses",
             Projection::Perspective { .. } => "perspective",
             Projection::Orthographic { .. } => "orthographic",
             Projection::Fisheye { .. } => "fisheye",
@@ -81,7 +82,7 @@ impl SceneSummary {
             shutter: [scene.shutter.open, scene.shutter.close],
             bounds: scene.bounds(),
             memory_bytes: scene.memory_bytes(),
-            cameras: scene.cameras.iter().map(|c| (c.name.clone(), camera_kind(&c.projection))).collect(),
+            cameras: scene.cameras.iter().map(|c| (c.name.clone(), camera_kind(c))).collect(),
             materials: scene.materials.iter().enumerate().map(material_name).collect(),
             lights: scene.lights.iter().map(|light| (light.name.clone(), light_kind(&light.kind))).collect(),
             images: (scene.images.iter())

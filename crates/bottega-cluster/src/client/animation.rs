@@ -155,17 +155,17 @@ fn submit(
     let missing = request.missing_frames(resume)?;
     let Some(&first) = missing.first() else { return Ok(BTreeMap::new()) };
     let first = request.at_frame(first)?;
-    let material = Session::examine(&first)?;
-    for warning in &material.warnings {
+    let files = Session::examine(&first)?;
+    for warning in &files.warnings {
         reporter.warn(warning.clone());
     }
     board.sweep();
-    let (order, sent) = order(board, me, &first, &material, stop, reporter)?;
+    let (order, sent) = order(board, me, &first, &files, stop, reporter)?;
     if let Some(lacking) = board.lacks_tagged(&request.farm.require) {
         reporter.warn(lacking);
     }
     let mut wanted = BTreeMap::new();
-    let jobs = frame_jobs(request, &missing, |of_frame| new_job(of_frame, &material, me))?;
+    let jobs = frame_jobs(request, &missing, |of_frame| new_job(of_frame, &files, me))?;
     for (frame, of_frame, job) in jobs {
         let number = board.submit(&job, &JobSpec { request: for_others(&of_frame)?, ..order.clone() })?;
         let output = of_frame.output.file.unwrap_or_default();

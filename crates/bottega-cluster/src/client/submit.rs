@@ -54,9 +54,9 @@ pub struct SubmittedJob {
 /// The outcome of a job, before its picture is written.
 enum JobOutcome {
     /// This process led the job and has the pixels; no [`Leading`] if it stopped early.
-    Here(Box<JobReport>, Option<Leading>),
+    Local(Box<JobReport>, Option<Leading>),
     /// Another process led it: the bytes of the picture file.
-    Elsewhere(Vec<u8>),
+    Remote(Vec<u8>),
 }
 
 /// The outcome of a picture on a farm.
@@ -125,7 +125,7 @@ impl FarmPicture {
         let (painting, setup) = session.begin(Arc::clone(&reporter))?;
         let job = SubmittedJob::submit((farm, credentials), &request, &files, Some(&name), stop, &reporter)?;
         match job.paint(setup, &reporter)? {
-            JobOutcome::Here(report, leading) => {
+            JobOutcome::Local(report, leading) => {
                 let picture = painting.finish(*report, stop).map_err(|error| job.unwritten(&error.into()))?;
                 let failed = picture.report().failed.len();
                 if let Some(leading) = leading
@@ -135,7 +135,7 @@ impl FarmPicture {
                 }
                 Ok(RenderOutcome::Local(Box::new(picture.close()?)))
             }
-            JobOutcome::Elsewhere(picture) => {
+            JobOutcome::Remote(picture) => {
                 painting.leave();
                 let output = request.output.file.clone().unwrap_or_default();
                 write_picture(&output, &picture).map_err(|error| unfetched(job.number, &error))?;
@@ -171,9 +171,9 @@ pub fn submit(
     // The farm keeps the picture under a name, whose extension says the format.
     request.output.file.get_or_insert_with(|| PathBuf::from(super::PICTURE));
     let request = &request;
-    let material = Session::examine(request)?;
-    material.warnings.iter().for_each(|warning| reporter.warn(warning.clone()));
-    let job = SubmittedJob::submit((farm, credentials), request, &material, None, stop, &reporter)?;
+    let files = Session::examine(request)?;
+    files.warnings.iter().for_each(|warning| reporter.warn(warning.clone()));
+    let job = SubmittedJob::submit((farm, credentials), request, &files, None, stop, &reporter)?;
     Ok(job.number)
 }
 
@@ -184,7 +184,7 @@ impl SubmittedJob {
     fn submit(
         (farm, credentials): (Option<&FarmAddress>, &Credentials),
         request: &Request,
-        material: &SceneFiles,
+        files: &SceneFiles,
         journal: Option<&str>,
         stop: &StopSwitch,
         reporter: &Reporter,
@@ -193,9 +193,9 @@ impl SubmittedJob {
         let board = JobBoard { uplink };
         board.refuse_guests()?;
         board.sweep();
-        let (order, sent) = order(&board, &name, request, material, stop, reporter)?;
+        let (order, sent) = order(&board, &name, request, files, stop, reporter)?;
         let order = JobSpec { journal: journal.map(str::to_owned), ..order };
-        let mut job = new_job(request, material, &name);
+        let mut job = new_job(request, files, &name);
         if let Some(lacking) = board.lacks_tagged(&job.require) {
             job.say(lacking.clone());
             reporter.warn(lacking);
@@ -234,7 +234,7 @@ impl SubmittedJob {
             }
             if job.state == JobState::Done {
                 let picture = patiently(stop, say, || board.picture(&job))?;
-                return picture.map(JobOutcome::Elsewhere).ok_or_else(|| {
+                return picture.map(JobOutcome::Remote).ok_or_else(|| {
                     Error::failed("the job is done, but its picture is missing", "see `bottega jobs log`")
                 });
             }
@@ -253,10 +253,10 @@ impl SubmittedJob {
             helped = None;
             let part = || take_part(&self.member, self.number, &job, &mut setup, || false);
             match patiently(stop, say, part) {
-                Ok(PartOutcome::Led(report, leading)) => return Ok(JobOutcome::Here(report, Some(leading))),
+                Ok(PartOutcome::Led(report, leading)) => return Ok(JobOutcome::Local(report, Some(leading))),
                 Ok(PartOutcome::Left(Some(report))) if stop.is_requested() => {
                     self.call_off();
-                    return Ok(JobOutcome::Here(report, None));
+                    return Ok(JobOutcome::Local(report, None));
                 }
                 Ok(PartOutcome::Left(None)) if stop.is_requested() => return Err(self.called_off()),
                 Ok(PartOutcome::Left(_)) => {}
@@ -340,7 +340,7 @@ pub fn write_picture(path: &Path, bytes: &[u8]) -> Result<(), Error> {
 }
 
 /// Returns the record of a new job.
-pub(crate) fn new_job(request: &Request, material: &SceneFiles, from: &str) -> Job {
+pub(crate) fn new_job(request: &Request, files: &SceneFiles, from: &str) -> Job {
     let number = fresh_number();
     let mut job = Job {
         version: build().identity().to_owned(),
@@ -360,7 +360,7 @@ pub(crate) fn new_job(request: &Request, material: &SceneFiles, from: &str) -> J
         log: Vec::new(),
     };
     job.say(format!("submitted by {from}"));
-    material.method.iter().for_each(|method| job.say(method.clone()));
+    files.method.iter().for_each(|method| job.say(method.clone()));
     job
 }
 
@@ -377,7 +377,7 @@ pub(crate) fn order<'a>(
     board: &'a JobBoard,
     me: &'a str,
     request: &Request,
-    material: &SceneFiles,
+    needed: &SceneFiles,
     stop: &StopSwitch,
     reporter: &Reporter,
 ) -> Result<(JobSpec, SentPieces<'a>), Error> {
@@ -391,9 +391,9 @@ pub(crate) fn order<'a>(
         Some(EnvironmentLight::File(path)) => Some(path.as_path()),
         _ => None,
     };
-    let (files, transfer) = SentFiles::read(&request.scene.file, &material.files, environment)?;
+    let (files, transfer) = SentFiles::read(&request.scene.file, &needed.files, environment)?;
     let sent = transfer::send(&transfer, board, me, stop, reporter)?;
     let request = for_others(request)?;
     request.to_value().map_err(|source| bottega::Error::Request { origin: "the options".to_owned(), source })?;
-    Ok((JobSpec { request, files, engine: material.engine.clone(), journal: None }, sent))
+    Ok((JobSpec { request, files, engine: needed.engine.clone(), journal: None }, sent))
 }

@@ -168,15 +168,15 @@ impl JobBoard {
             Some(first) => local.at_frame(*first)?,
             None => local,
         };
-        let material = Session::examine_for_elsewhere(&local)?;
+        let files = Session::examine_for_elsewhere(&local)?;
         let (stop, reporter) = (StopSwitch::new(), Reporter::new(Arc::new(())));
         // Use the request as sent: local paths of this machine do not belong into the job.
-        let (order, sent) = order(self, from, &local, &material, &stop, &reporter)?;
+        let (order, sent) = order(self, from, &local, &files, &stop, &reporter)?;
         let lacking = self.lacks_tagged(&spec.request.farm.require);
         let new_job = |request: &Request| {
-            let mut job = new_job(request, &material, from);
+            let mut job = new_job(request, &files, from);
             job.say(format!("submitted over HTTP, by {by}"));
-            material.warnings.iter().chain(&lacking).for_each(|warning| job.say(warning.clone()));
+            files.warnings.iter().chain(&lacking).for_each(|warning| job.say(warning.clone()));
             job
         };
         let mut jobs = Vec::new();
