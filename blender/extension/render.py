@@ -10,9 +10,10 @@ from typing import Any
 
 import bottega
 import bpy
+import numpy as np
 
 from .export import Export
-from .export.camera import Frame, camera_keys, camera_of, frame_of
+from .export.camera import Eye, Frame, camera_keys, camera_of, frame_of
 from .export.moments import Clock, Motion, camera_matrix, follow, lens_of
 from .export.report import Fidelity, Report
 from .export.shutter import rolling_shutter_of, shutter_of
@@ -51,26 +52,31 @@ def render(engine: Any, depsgraph: Any) -> None:
         engine.update_stats("", "Reading the scene")
         with Clock(engine, depsgraph) as clock:
             export = _export(engine, depsgraph, camera_object, clock)
-            camera, path = _camera(engine, camera_object, depsgraph, frame, export)
+            views = _views(engine, depsgraph.scene)
+            # As the camera was seen at other times.
+            base = camera_matrix(engine, camera_object, depsgraph)
+            cameras = {view: _camera(engine, camera_object, depsgraph, frame, export, base, view) for view in views}
             # They refer to the scene as it was evaluated.
             export.paths = None
         # Evaluation at other times has changed what Blender hands out.
         scene, layer = depsgraph.scene, depsgraph.view_layer_eval
-        _see_backdrop(camera, export, camera_object.name, layer)
+        for camera, _ in cameras.values():
+            _see_backdrop(camera, export, camera_object.name, layer)
         if scene.render.film_transparent and getattr(getattr(scene, "cycles", None), "film_transparent_glass", False):
             export.report.add("camera", scene.name, "Transparent Glass", Fidelity.APPROXIMATED, "behind glass alpha is 1")
         note_groups(layer, export.report)
-        export.scene.cameras["camera"] = camera
-        if path:
-            export.scene.cameras.set_motion("camera", path)
-        if engine.is_preview:
-            _paint(engine, scene, layer, frame, export, Finish(export.reach))
-            return
-        Kept.last_report = export.report
-        if Kept.save_to is not None:
-            _save(scene, frame, export.scene)
-            return
-        _paint(engine, scene, layer, frame, export, Finish(export.reach))
+        if not engine.is_preview:
+            Kept.last_report = export.report
+        for view, (camera, path) in cameras.items():
+            export.scene.cameras["camera"] = camera
+            if path:
+                export.scene.cameras.set_motion("camera", path)
+            if Kept.save_to is not None and not engine.is_preview:
+                _save(scene, frame, export.scene)
+                return
+            _paint(engine, scene, layer, frame, export, Finish(export.reach), view)
+            if engine.test_break():
+                return
     except bottega.Error as error:
         # `error_set` would write a black picture.
         engine.report({"ERROR"}, f"Bottega: {error}")
@@ -122,23 +128,43 @@ def _see_backdrop(camera: bottega.Camera, export: Export, name: str, layer: Any)
     camera.far = math.inf
 
 
-def _camera(engine: Any, camera: Any, depsgraph: Any, frame: Frame, export: Export) -> tuple[bottega.Camera, list[tuple[float, Any]]]:
-    """Returns the camera of a picture, and its path while the shutter is open; empty: it stands still."""
+def _views(engine: Any, scene: Any) -> list[str]:
+    """Returns the names of the views that are rendered; one without a name if there is no stereoscopy."""
+    if not scene.render.use_multiview or engine.is_preview:
+        return [""]
+    return [view.name for view in scene.render.views if view.use] or [""]
+
+
+def _camera(
+    engine: Any, camera: Any, depsgraph: Any, frame: Frame, export: Export, base: Any, view: str
+) -> tuple[bottega.Camera, list[tuple[float, Any]]]:
+    """Returns the camera of a view, and its path while the shutter is open; empty: it stands still.
+
+    `base`: the matrix of the camera for all views.
+    """
     export.report.begin("camera")
-    evaluated, matrix = camera.evaluated_get(depsgraph), camera_matrix(engine, camera, depsgraph)
-    made = camera_of(evaluated, matrix, frame, export.report)
+    evaluated = camera.evaluated_get(depsgraph)
+    eye: Eye | None = None
+    matrix = base
+    if view:
+        engine.active_view_set(view)
+        side = view if view in ("left", "right") and evaluated.data.type == "PANO" and engine.use_spherical_stereo(evaluated) else None
+        eye = Eye(engine.camera_shift_x(evaluated, use_spherical_stereo=side is not None), side)
+        matrix = camera_matrix(engine, camera, depsgraph, side is not None)
+    made = camera_of(evaluated, matrix, frame, export.report, eye)
     if export.paths is None:
         return made, []
     made.rolling_shutter = rolling_shutter_of(depsgraph.scene)
-    path, lenses = export.paths.of_camera(evaluated, matrix)
+    path, lenses = export.paths.of_camera(evaluated, base)
     if any(lens != lens_of(evaluated) for lens in lenses):
         text = "the angle of the camera does not change while the shutter is open"
         export.report.add("camera", camera.name, "Motion Blur", Fidelity.LEFT_OUT, text)
-    return made, camera_keys(evaluated, path)
+    to_eye = np.linalg.inv(base) @ matrix if view else np.eye(4)
+    return made, camera_keys([(time, matrix @ to_eye) for time, matrix in path])
 
 
-def _paint(engine: Any, scene: Any, layer: Any, frame: Frame, export: Export, finish: Finish) -> None:
-    """Renders the picture in another thread; in this one shows what is painted, and watches for Escape."""
+def _paint(engine: Any, scene: Any, layer: Any, frame: Frame, export: Export, finish: Finish, view: str) -> None:
+    """Renders a view in another thread; in this one shows what is painted, and watches for Escape."""
     crop = crop_of(scene.render, frame)
     made = export.scene
     fields = request_fields(scene, layer, frame, crop, finish, export.light_groups)
@@ -148,16 +174,16 @@ def _paint(engine: Any, scene: Any, layer: Any, frame: Frame, export: Export, fi
     engine.update_stats("", "Reading the scene")
     work = Work(made, fields) if engine.is_preview else work_for(scene.bottega, made, fields)
     try:
-        _follow(engine, scene, layer, work, crop or (0, 0, frame.width, frame.height), finish)
+        _follow(engine, scene, layer, work, crop or (0, 0, frame.width, frame.height), finish, view)
     finally:
         work.end()
 
 
-def _follow(engine: Any, scene: Any, layer: Any, work: Work, crop: tuple[int, int, int, int], finish: Finish) -> None:
+def _follow(engine: Any, scene: Any, layer: Any, work: Work, crop: tuple[int, int, int, int], finish: Finish, view: str) -> None:
     """Shows what is painted, hands the finished picture over, and ends at Escape with what is painted."""
     x0, y0, x1, y1 = crop
     # Blender places the result at the lower left corner of the region.
-    result = engine.begin_result(0, 0, x1 - x0, y1 - y0, layer=layer.name)
+    result = engine.begin_result(0, 0, x1 - x0, y1 - y0, layer=layer.name, view=view)
     state: dict[str, Any] = {}
 
     def run() -> None:

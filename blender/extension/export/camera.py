@@ -37,10 +37,21 @@ def frame_of(render: Any) -> Frame:
     return Frame(width, height, render.pixel_aspect_x, render.pixel_aspect_y)
 
 
-def camera_of(camera: Any, matrix: Any, frame: Frame, report: Report) -> bottega.Camera:
+@dataclass(frozen=True)
+class Eye:
+    """The eye of a stereo view.
+
+    `shift_x`: the shift of its camera. `side`: `left` or `right` in a panorama whose eyes turn with the direction; else `None`.
+    """
+
+    shift_x: float
+    side: str | None = None
+
+
+def camera_of(camera: Any, matrix: Any, frame: Frame, report: Report, eye: Eye | None = None) -> bottega.Camera:
     """Returns the camera of an object of type CAMERA, for a frame.
 
-    `camera`: the evaluated object. `matrix`: from its space to the world.
+    `camera`: the evaluated object. `matrix`: from its space to the world. `eye`: that of a stereo view; `None`: there is one view.
     """
     data = camera.data
     width, height = frame.extents
@@ -56,15 +67,23 @@ def camera_of(camera: Any, matrix: Any, frame: Frame, report: Report) -> bottega
         half_height = 0.5 * sensor / max(data.lens, 1e-3) * height / longest
         fields.update(fov=_degrees(half_height))
     else:
+        if eye is not None and eye.side is not None:
+            stereo = data.stereo
+            convergence = math.inf if stereo.convergence_mode == "PARALLEL" else max(stereo.convergence_distance, 1e-4)
+            fields.update(stereo=eye.side, eye_distance=stereo.interocular_distance, convergence=convergence)
+            if not stereo.use_pole_merge:
+                note = "at the poles of the panorama the two views are one"
+                report.add("camera", camera.name, "Stereoscopy", Fidelity.APPROXIMATED, note)
         return _panorama(camera, frame, fields, report)
     fields["pixel_aspect"] = frame.pixel_aspect_x / frame.pixel_aspect_y
     # Blender's shift is in units of the fitted side, and moves the frame; ours moves the axis within the frame.
-    fields["shift"] = (-2.0 * data.shift_x * longest / width, -2.0 * data.shift_y * longest / height)
+    shift_x = data.shift_x if eye is None else eye.shift_x
+    fields["shift"] = (-2.0 * shift_x * longest / width, -2.0 * data.shift_y * longest / height)
     fields.update(_depth_of_field(camera, data, matrix))
     return bottega.Camera(**fields)
 
 
-def camera_keys(camera: Any, path: list[tuple[float, Any]]) -> list[tuple[float, Any]]:
+def camera_keys(path: list[tuple[float, Any]]) -> list[tuple[float, Any]]:
     """Returns the keys of a camera that moves, as `bottega.Camera` has its transform.
 
     `path`: times, and matrices from the space of the camera to Blender's world.

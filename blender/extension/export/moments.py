@@ -94,9 +94,12 @@ class Clock:
         self._engine.frame_set(frame, subframe=subframe)
 
 
-def camera_matrix(engine: Any, camera: Any, depsgraph: Any) -> Any:
-    """Returns the matrix from the space of a camera to Blender's world, (4, 4), float64."""
-    return np.array(engine.camera_model_matrix(camera.evaluated_get(depsgraph)), np.float64)
+def camera_matrix(engine: Any, camera: Any, depsgraph: Any, turns: bool = False) -> Any:
+    """Returns the matrix from the space of a camera to Blender's world, (4, 4), float64.
+
+    `turns`: the eyes of a stereo view turn with the direction, so the matrix is that of the camera between them.
+    """
+    return np.array(engine.camera_model_matrix(camera.evaluated_get(depsgraph), use_spherical_stereo=turns), np.float64)
 
 
 def lens_of(camera: Any) -> tuple[Any, ...]:

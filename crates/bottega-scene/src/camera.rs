@@ -83,10 +83,10 @@ impl Default for Aperture {
     }
 }
 
-/// A pair of pictures for two eyes, in one picture. The camera is between the eyes.
+/// The eyes of a stereo picture. The camera is between them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Stereo {
-    /// The places of the two pictures.
+    /// The places of the two pictures, or the eye whose picture it is.
     pub layout: StereoLayout,
     /// Distance between the eyes, in scene units.
     pub eye_distance: f32,
@@ -96,7 +96,7 @@ pub struct Stereo {
     pub convergence: f32,
 }
 
-/// The places of the two pictures of [`Stereo`].
+/// The places of the pictures of [`Stereo`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StereoLayout {
@@ -104,6 +104,10 @@ pub enum StereoLayout {
     SideBySide,
     /// The left eye's picture is the upper half.
     TopBottom,
+    /// The picture is the left eye's.
+    Left,
+    /// The picture is the right eye's.
+    Right,
 }
 
 /// The extent of the picture that a camera's field of view measures. It stays the same in a picture of another aspect.
@@ -171,7 +175,7 @@ pub struct Camera {
     /// The lenses that replace the thin lens of a perspective camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lenses: Option<LensSystem>,
-    /// Two pictures for two eyes in one picture.
+    /// The eyes of a stereo picture; `None`: one eye.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stereo: Option<Stereo>,
     /// Share of the shutter's time for which each row is exposed, from 0 to 1; the rows are exposed one after another, from

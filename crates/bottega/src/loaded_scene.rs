@@ -263,7 +263,7 @@ fn default_size(camera: &Camera) -> [u32; 2] {
             Projection::Panorama(Panorama::Cube) => 6.0,
         });
     let aspect = match camera.stereo.map(|stereo| stereo.layout) {
-        None => aspect,
+        None | Some(StereoLayout::Left | StereoLayout::Right) => aspect,
         Some(StereoLayout::SideBySide) => 2.0 * aspect,
         Some(StereoLayout::TopBottom) => 0.5 * aspect,
     };

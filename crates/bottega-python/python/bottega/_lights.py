@@ -344,7 +344,8 @@ class Camera(Value):
     - `blades`: corners of the lens's opening; 0: it is round. `blade_rotation`: counterclockwise, in degrees. `aperture_ratio`: its
       height over its width.
     - `lenses`: replace the lens of a perspective camera; `fov` then has no effect on the picture.
-    - `stereo`: two pictures in one, `side_by_side` or `top_bottom`, with `eye_distance`; they agree at `convergence`.
+    - `stereo`: two pictures in one, `side_by_side` or `top_bottom`, or that of one eye, `left` or `right`. The eyes are `eye_distance`
+      apart; their pictures agree at `convergence`.
     - `rolling_shutter`: share of the shutter's time for which a row is exposed, row by row from the upper edge; `None`: all at once.
     - `shift`: of the optical axis, right and up, in halves of the picture's width and height.
     - `near`, `far`: distances of the clip planes along the axis.
@@ -375,7 +376,9 @@ class Camera(Value):
     blade_rotation: float = plain_real(0.0, -1e6, 1e6)
     aperture_ratio: float = plain_real(1.0, 1e-6, 1e6)
     lenses: Lenses | None = of(ValueKind(Lenses), None)
-    stereo: Literal["side_by_side", "top_bottom"] | None = of(MaybeChoiceKind("side_by_side", "top_bottom"), None)
+    stereo: Literal["side_by_side", "top_bottom", "left", "right"] | None = of(
+        MaybeChoiceKind("side_by_side", "top_bottom", "left", "right"), None
+    )
     eye_distance: float = plain_real(0.0625)
     convergence: float = of(FarKind(), math.inf)
     rolling_shutter: float | None = of(MaybeRealKind(), None)

@@ -26,6 +26,7 @@ impl Eyes {
         let size = match stereo.layout {
             StereoLayout::SideBySide => size * Vec2::new(0.5, 1.0),
             StereoLayout::TopBottom => size * Vec2::new(1.0, 0.5),
+            StereoLayout::Left | StereoLayout::Right => size,
         };
         let eyes = Self {
             layout: stereo.layout,
@@ -43,6 +44,8 @@ impl Eyes {
         let (is_right, corner) = match self.layout {
             StereoLayout::SideBySide => (center.x >= self.size.x, Vec2::new(self.size.x, 0.0)),
             StereoLayout::TopBottom => (center.y >= self.size.y, Vec2::new(0.0, self.size.y)),
+            StereoLayout::Left => (false, Vec2::ZERO),
+            StereoLayout::Right => (true, Vec2::ZERO),
         };
         if is_right { (self.half_distance, center - corner) } else { (-self.half_distance, center) }
     }

@@ -250,6 +250,11 @@ fn the_pictures_of_two_eyes_agree_at_their_convergence() {
             assert!((at(eye) - at(&one)).length() < 1e-5, "{layout:?}");
         }
     }
+    for (layout, number) in [(StereoLayout::Left, 0), (StereoLayout::Right, 1)] {
+        let single = seen(&Camera { stereo: stereo(layout, 5.0), ..flat.clone() }, [20, 10], [3.0, 4.0]);
+        let both = Camera { stereo: stereo(StereoLayout::SideBySide, 5.0), ..flat.clone() };
+        assert_eq!(single, seen(&both, [40, 10], [3.0 + 20.0 * number as f32, 4.0]));
+    }
     // In a panorama the eyes turn with the direction, and are one at the poles
     let round = Camera {
         stereo: stereo(StereoLayout::TopBottom, f32::INFINITY),

@@ -21,6 +21,8 @@ pub(super) fn put_lens(view: &ViewOptions, camera: &mut Camera) {
         let layout = match choice {
             StereoChoice::SideBySide => StereoLayout::SideBySide,
             StereoChoice::TopBottom => StereoLayout::TopBottom,
+            StereoChoice::Left => StereoLayout::Left,
+            StereoChoice::Right => StereoLayout::Right,
         };
         let convergence = view.convergence.unwrap_or(f32::INFINITY);
         camera.stereo = Some(Stereo { layout, eye_distance: view.eye_distance, convergence });

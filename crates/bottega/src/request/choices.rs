@@ -74,12 +74,16 @@ choices! {
         EquisolidFisheye,
     }
 
-    /// The places of the pictures for two eyes.
+    /// The places of the pictures for two eyes, or one of the eyes.
     StereoChoice {
         /// The left eye's picture is the left half.
         SideBySide,
         /// The left eye's picture is the upper half.
         TopBottom,
+        /// The left eye's picture alone.
+        Left,
+        /// The right eye's picture alone.
+        Right,
     }
 
     /// The rules by which lighting agents answer.

@@ -229,7 +229,7 @@ sections! {
         projection: Option<ProjectionChoice> = None,
         /// Full angle of the circle of a fisheye, in degrees, up to 360.
         fisheye_fov: f32 = 180.0,
-        /// Pictures for two eyes in one picture, each of half its size; none: one eye.
+        /// Pictures for two eyes in one picture, each of half its size, or that of one of them; none: one eye.
         stereo: Option<StereoChoice> = None,
         /// Distance between the two eyes, in scene units.
         eye_distance: f32 = 0.0625,
