@@ -59,10 +59,10 @@ Compression = Literal["zip", "zips", "piz", "rle", "dwaa", "dwab", "none"]
 """The compression of an EXR file. zip: Lossless, in blocks of 16 rows; every program reads it: the
 default. zips: Lossless, row by row: for programs that read parts of a picture, such as Nuke. piz:
 Lossless; the smallest for noisy pictures, slower. rle: Lossless and fast; good for flat colors.
-dwaa: Lossy, a third of the size or less; the eye sees no difference. Rounds colors, and the Y of
-normals and positions. Keeps alpha, depth, texture coordinates, sample counts, costs, errors and
-Cryptomattes without loss, because a rounded number or identity misleads compositing. dwab: As
-`dwaa`, a little smaller. none: No compression.
+dwaa: Lossy, a third of the size or less; the eye sees no difference. Rounds colors: the picture,
+light and albedo. Keeps all other layers, such as alpha, depth, normals and Cryptomattes, without
+loss, because a rounded number or identity misleads compositing. dwab: As `dwaa`, a little smaller.
+none: No compression.
 """
 
 
@@ -181,9 +181,10 @@ RulesSource = Union[RulesSourceFile, RulesSourceText]
 """A source of expert rules."""
 
 
-StereoChoice = Literal["side-by-side", "top-bottom"]
-"""The places of the pictures for two eyes. side-by-side: The left eye's picture is the left half. top-
-bottom: The left eye's picture is the upper half.
+StereoChoice = Literal["side-by-side", "top-bottom", "left", "right"]
+"""The places of the pictures for two eyes, or one of the eyes. side-by-side: The left eye's picture is
+the left half. top-bottom: The left eye's picture is the upper half. left: The left eye's picture
+alone. right: The right eye's picture alone.
 """
 
 
@@ -742,7 +743,9 @@ class ViewOptions(Section):
     another, from the upper edge down. None: all rows at the same time.
     """
     stereo: StereoChoice | None = None
-    """Pictures for two eyes in one picture, each of half its size; none: one eye."""
+    """Pictures for two eyes in one picture, each of half its size, or that of one of them; none: one
+    eye.
+    """
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {"pose": CameraPose}
     _tuples: ClassVar[frozenset[str]] = frozenset([])
