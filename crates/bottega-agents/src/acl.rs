@@ -87,7 +87,8 @@ impl Performative {
         }
     }
 
-    /// Parses the standard's name, without case: some platforms use capitals.
+    /// Returns the performative with this name in the standard, compared without case, because some platforms use
+    /// capitals. `None`: there is none.
     pub fn from_word(word: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|performative| performative.word().eq_ignore_ascii_case(word))
     }

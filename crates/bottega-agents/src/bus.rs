@@ -33,7 +33,7 @@ pub trait Bus {
     /// Adds an agent to a queue.
     fn join(&mut self, queue: &Key, agent: &AgentId);
 
-    /// Sends a request to the store: get, put, compare-and-set, watch.
+    /// Sends a request to the store: get, put, compare-and-set, watch. The replies carry `ticket`.
     fn ask_store(&mut self, from: &AgentId, ticket: Ticket, request: StoreRequest<Self::Value>);
 
     /// Reports to the agent which agents are present, and from now on every arrival and departure.

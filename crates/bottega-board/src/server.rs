@@ -49,7 +49,7 @@ pub struct BoardServer {
 }
 
 impl BoardServer {
-    /// Starts to listen.
+    /// Starts to listen on an address; port 0 lets the system choose one. [`Self::serve`] accepts the connections.
     ///
     /// # Errors
     /// The address cannot be listened on.
@@ -59,7 +59,7 @@ impl BoardServer {
         Ok(Self { listener, options })
     }
 
-    /// Returns the address on which the board listens.
+    /// Returns the address on which the board listens, with its actual port.
     ///
     /// # Errors
     /// The system does not report the address.

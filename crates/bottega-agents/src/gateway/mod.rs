@@ -34,8 +34,8 @@ pub trait CarriesForeign: CarriesManagement {
     /// not-understood.
     fn from_foreign(message: WireMessage) -> Option<Self>;
 
-    /// Returns the text for a foreign agent: content, language, ontology, encoding and user-defined parameters are
-    /// taken from it; the rest from the message around it.
+    /// Returns the text for a foreign agent; `None`: the content is not foreign. Content, language, ontology, encoding
+    /// and user-defined parameters are taken from it; the rest from the message around it.
     fn foreign(&self) -> Option<&WireMessage>;
 }
 

@@ -39,12 +39,12 @@ impl LifeCycleState {
         }
     }
 
-    /// Parses the standard's name, without case.
+    /// Returns the state with this name in the standard, compared without case. `None`: there is none.
     pub fn from_word(word: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|state| state.word().eq_ignore_ascii_case(word))
     }
 
-    /// Returns the transition from this state to `next`, if there is one.
+    /// Returns the transition from this state to `next`; `None`: there is none.
     pub fn transition_to(self, next: Self) -> Option<Transition> {
         match (self, next) {
             (Self::Initiated, Self::Active) => Some(Transition::Invoke),

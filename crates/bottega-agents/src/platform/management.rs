@@ -12,7 +12,7 @@ pub const ONTOLOGY: &str = "fipa-agent-management";
 ///
 /// A platform whose agents also talk about other things has its own content type, of which this is a part.
 pub trait CarriesManagement: Clone + From<ManagementContent> {
-    /// Returns the management content, if it is of that kind.
+    /// Returns the management content; `None`: the content is of another kind.
     fn management(&self) -> Option<&ManagementContent>;
 }
 

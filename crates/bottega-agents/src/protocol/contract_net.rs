@@ -101,7 +101,8 @@ pub struct ContractNetInitiator<C> {
 }
 
 impl<C: Clone> ContractNetInitiator<C> {
-    /// Sends the call for proposals.
+    /// Begins a negotiation: appends the call for proposals to `send`. Returns the initiator, which collects the
+    /// proposals.
     pub fn call(call: Call<C>, send: &mut Vec<AclMessage<C>>) -> Self {
         let participants: BTreeMap<_, _> =
             call.participants.iter().map(|agent| (agent.clone(), Participant::Called)).collect();
@@ -179,7 +180,7 @@ impl<C: Clone> ContractNetInitiator<C> {
         Ok(self.collected(now))
     }
 
-    /// Checks the deadlines of proposals and results.
+    /// Returns the events of deadlines reached at `now`: all proposals are in, or awarded tasks are lost.
     pub fn handle_time(&mut self, now: Time) -> Vec<InitiatorEvent<C>> {
         let mut events: Vec<_> = self.collected(now).into_iter().collect();
         if self.results_by.is_some_and(|by| by <= now) {
@@ -358,7 +359,10 @@ impl<C: Clone> ContractNetResponder<C> {
         }
     }
 
-    /// Sends a proposal that is valid until `until`. Returns true if the call was open.
+    /// Proposes to carry out a called task: appends the proposal to `send`. Returns true if the call was open.
+    ///
+    /// - `content`: the terms of the proposal.
+    /// - `until`: the time at which a proposal without an answer expires.
     pub fn propose(
         &mut self,
         conversation: &Conversation,
@@ -404,7 +408,7 @@ impl<C: Clone> ContractNetResponder<C> {
         true
     }
 
-    /// Drops calls not answered in time and proposals without an answer.
+    /// Drops calls not answered in time and proposals without an answer. Returns [`ResponderEvent::Expired`] for each.
     pub fn handle_time(&mut self, now: Time) -> Vec<ResponderEvent<C>> {
         let over = self.open.iter().filter(|(_, response)| response.ends_at().is_some_and(|by| by <= now));
         let over: Vec<Conversation> = over.map(|(conversation, _)| conversation.clone()).collect();

@@ -28,10 +28,10 @@ pub struct RequestInitiator {
 }
 
 impl RequestInitiator {
-    /// Sends the request.
+    /// Appends the request to `send`. Returns its initiator, which waits for the answer.
     ///
     /// # Panics
-    /// Unless it has exactly one receiver, a conversation id and a `reply_by`.
+    /// Unless it has exactly one receiver and a `reply_by`.
     pub fn request<C>(request: AclMessage<C>, send: &mut Vec<AclMessage<C>>) -> Self {
         let [participant] = &request.receivers[..] else { panic!("a request has one receiver") };
         let deadline = request.reply_by;

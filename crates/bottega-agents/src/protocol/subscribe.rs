@@ -35,7 +35,8 @@ impl<C: Clone> Subscriptions<C> {
         Self { me, subscribers: BTreeMap::new() }
     }
 
-    /// Handles a message of the protocol.
+    /// Handles a message of the protocol. Returns the event that it causes; the confirmation of a cancel is appended to
+    /// `send`.
     ///
     /// # Errors
     /// The message is neither subscribe nor cancel, or cancels an unknown subscription.

@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{AgentId, Performative};
 
-/// Parses a message.
+/// Parses a message in the XML representation.
 ///
 /// # Errors
 /// Not well-formed XML, a document type or entity, not a message, or a limit exceeded.

@@ -46,7 +46,7 @@ impl Form {
         }
     }
 
-    /// Returns the representation with this name, if supported.
+    /// Returns the representation with this name in envelopes, compared without case; `None`: it is unsupported.
     pub fn of_name(name: &str) -> Option<Self> {
         [Self::String, Self::Xml].into_iter().find(|form| form.name().eq_ignore_ascii_case(name))
     }

@@ -45,7 +45,7 @@ pub enum SendError {
     Message(#[from] WireError),
 }
 
-/// Splits `http://host[:port][/path]` into host with port, and path.
+/// Splits `http://host[:port][/path]`. Returns `host:port` and the path; by default port 80 and `/`.
 ///
 /// # Errors
 /// [`SendError::Address`]: another scheme, no host, a user name, or characters that are not printable ASCII.
@@ -65,8 +65,10 @@ pub fn parse_address(address: &str) -> Result<(String, &str), SendError> {
 
 /// Sends a message to the first of its addresses that accepts it.
 ///
+/// - `number`: makes the boundary of the multipart body unique.
+///
 /// # Errors
-/// None accepts it: the error of the last one.
+/// The message cannot be written, it has no addresses, or none accepts it: then the error of the last one.
 pub async fn send(outbound: &Outbound, number: u64) -> Result<(), SendError> {
     let (content_type, body) = seal(outbound, number)?;
     let mut last = SendError::NoAddress;

@@ -20,7 +20,7 @@ use super::{
 };
 use crate::acc::Letter;
 
-/// Maximum number of connections.
+/// Maximum number of open connections; further ones are closed at once.
 pub const CONNECTIONS_MAX: usize = 256;
 /// Maximum size of the bodies of all connections together, in KiB; further requests get 503.
 const BODIES_KIB_MAX: usize = 1 << 18;

@@ -93,7 +93,9 @@ where
         Ok(platform)
     }
 
-    /// Adds an agent. Its first event is [`Event::Start`].
+    /// Adds an agent, whose first event is [`Event::Start`]. Returns its mailbox.
+    ///
+    /// - `performer`: begins the effects that the agent requests.
     ///
     /// # Errors
     /// The name was used by another agent, running or stopped.

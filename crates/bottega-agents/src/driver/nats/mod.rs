@@ -67,7 +67,7 @@ const STORE_INFO: &str = "$JS.API.INFO";
 /// The oldest supported version of the server.
 const OLDEST: (i64, i64, i64) = (2, 9, 0);
 
-/// A link to a farm.
+/// A link to a farm over NATS: messages, store, blobs, payloads, notices and live messages.
 pub struct NatsUplink<K> {
     codec: Arc<K>,
     client: Client,
@@ -112,8 +112,11 @@ impl NatsThread {
 impl<K: Codec> NatsUplink<K> {
     /// Connects to a farm; creates its buckets if missing. Blocks until done.
     ///
+    /// - `codec`: encodes contents of messages and values of the store.
+    ///
     /// # Errors
-    /// The server is unreachable, or cannot serve a farm.
+    /// The server is unreachable, too old, or has no suitable storage; an address, the name of the farm or the
+    /// credentials are invalid; or a thread cannot be started.
     pub fn connect(options: &NatsOptions, codec: K) -> Result<Self, NatsError> {
         Self::connect_on(&NatsThread::start()?, options, codec)
     }
@@ -121,7 +124,7 @@ impl<K: Codec> NatsUplink<K> {
     /// Like [`Self::connect`], on a thread shared with other links.
     ///
     /// # Errors
-    /// The server is unreachable, or cannot serve a farm.
+    /// As for [`Self::connect`].
     pub fn connect_on(thread: &Arc<NatsThread>, options: &NatsOptions, codec: K) -> Result<Self, NatsError> {
         let handle = thread.handle.clone();
         let Opened { client, context, blackboard, notices, objects, payloads } = handle.block_on(open(options))?;
@@ -220,7 +223,7 @@ impl<K: Codec> NatsUplink<K> {
         self.handle.block_on(self.bucket.follow(prefix, tell));
     }
 
-    /// Deletes all entries of the store whose keys start with `prefix`.
+    /// Deletes all entries of the store whose keys start with `prefix`. Failure is only logged.
     pub fn forget(&self, prefix: &Key) {
         self.handle.block_on(self.bucket.forget(prefix));
     }
@@ -230,7 +233,7 @@ impl<K: Codec> NatsUplink<K> {
         names::address(&self.farm, &agent.name)
     }
 
-    /// Sends all waiting messages; gives up after some seconds.
+    /// Waits until all waiting messages are sent, at most two seconds.
     pub fn flush(&self) {
         let wait = async {
             // Send the outbox first
