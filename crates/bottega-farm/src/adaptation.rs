@@ -65,7 +65,9 @@ pub struct Adaptation {
 }
 
 impl Adaptation {
-    /// Starts from the result of the benchmark.
+    /// Makes the estimate of an agent before its first zone.
+    ///
+    /// - `benchmark`: V_cp by the agent's benchmark, from which it starts.
     pub fn new(rule: AdaptationRule, benchmark: RelativePower) -> Self {
         Self { rule, power: benchmark, ratios: VecDeque::from([benchmark.get()]) }
     }

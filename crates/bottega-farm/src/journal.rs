@@ -136,7 +136,7 @@ impl Journal {
     /// Reads a journal up to the first damaged record: see [`Journal::sound_bytes`].
     ///
     /// # Errors
-    /// Reading failed, or the file is not a journal.
+    /// Reading failed, or the file is not a journal of this version that begins with a name.
     pub fn read(mut from: impl Read) -> Result<Self, JournalError> {
         let mut magic = [0; MAGIC.len()];
         if !fill(&mut from, &mut magic)? || magic != MAGIC {

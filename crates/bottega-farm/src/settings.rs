@@ -59,7 +59,7 @@ impl fmt::Display for Optimization {
     }
 }
 
-/// An unknown level of optimization.
+/// The error of parsing an unknown level of optimization.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown optimization level `{found}`: use off, vs, s, n, b or vb")]
 pub struct UnknownOptimization {
@@ -116,7 +116,7 @@ impl Goal {
         }
     }
 
-    /// Zones and their pieces have edges at multiples of this many pixels, or at the frame's edges.
+    /// Returns the grid of edges, in pixels: zones and their pieces end at multiples of it, or at the frame's edges.
     pub(crate) fn grid(&self) -> u32 {
         if matches!(self, Self::Error(_)) { CELL_SIDE } else { 1 }
     }

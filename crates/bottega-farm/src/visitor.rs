@@ -136,7 +136,7 @@ pub struct Visitor {
 type VisitorActions = Vec<ActionOf<Visitor>>;
 
 impl Visitor {
-    /// Makes a visitor that has just come.
+    /// Makes a visitor that has not joined its Master yet.
     pub fn new(config: VisitorConfig) -> Self {
         let VisitorConfig { id, master, power, lanes, adaptation, expert, timing } = config;
         let agent = RenderAgent::new(RenderAgentConfig {

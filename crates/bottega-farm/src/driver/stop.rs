@@ -13,7 +13,7 @@ struct SwitchState {
 }
 
 impl StopSwitch {
-    /// Returns a new switch.
+    /// Makes a switch on which no stop is requested yet.
     pub fn new() -> Self {
         Self::default()
     }

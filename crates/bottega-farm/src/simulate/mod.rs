@@ -159,12 +159,12 @@ pub enum SimulationError {
     },
 }
 
-/// Runs a work in virtual time and checks the invariants.
+/// Runs a work in virtual time, checks the invariants, and returns times and statistics.
 ///
 /// The same arguments give the same run, event for event.
 ///
 /// # Errors
-/// The run does not end, or violates an invariant.
+/// There are no agents, the run does not end, the Master abandons the work, or an invariant is violated.
 pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<SimulationOutcome, SimulationError> {
     let mut play = Play::new(piece, plan)?;
     let work: f64 = piece.zone_seconds().sum();

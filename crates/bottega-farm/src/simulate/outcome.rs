@@ -83,7 +83,7 @@ impl SimulationOutcome {
         self.agents.iter().map(|agent| (agent.name.clone(), power(agent))).collect()
     }
 
-    /// Returns the lower bound over the time taken, 0..=1.
+    /// Returns the lower bound over the time taken, 0..=1; 0 without a bound.
     pub fn efficiency(&self) -> f64 {
         self.least.map_or(0.0, |least| least.as_secs_f64() / self.makespan.as_secs_f64().max(1e-12))
     }

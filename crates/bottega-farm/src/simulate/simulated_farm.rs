@@ -195,7 +195,7 @@ impl SimulatedFarm {
         self.machines.set_speed(now, self.agents[agent].machine, HUNG);
     }
 
-    /// Progress of an order, in millionths of a second of finished work.
+    /// Returns the progress of an order, in millionths of a second of finished work.
     fn progress(&mut self, now: Time, agent: usize, zone: ZoneId, fence: Revision) -> Option<u64> {
         let left = self.machines.left(now, self.agents[agent].machine, zone, fence)?;
         Some((1_u64 << 50).saturating_sub((left.max(0.0) * 1e6) as u64))

@@ -109,7 +109,7 @@ impl Workpiece {
     ///   sizes.
     ///
     /// # Errors
-    /// The work has no zones, or too many.
+    /// The work has no zones, or too many; or the recorded rules cannot be used.
     pub fn recorded(record: &Record, scale: u32) -> Result<Self, WorkpieceError> {
         let found = record.zones.len().saturating_mul(scale as usize);
         if found == 0 || found > ZONES_MAX {
