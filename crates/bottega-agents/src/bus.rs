@@ -39,10 +39,10 @@ pub trait Bus {
     /// Reports to the agent which agents are present, and from now on every arrival and departure.
     fn watch_presence(&mut self, from: &AgentId);
 
-    /// Stores a blob. False if there is no room.
+    /// Stores a blob under its digest. Returns false if there is no room.
     fn put_blob(&mut self, id: BlobId, blob: Blob) -> bool;
 
-    /// Returns a blob, if it is stored.
+    /// Returns a blob; `None`: it is not stored.
     fn blob(&self, id: BlobId) -> Option<Blob>;
 }
 

@@ -20,7 +20,7 @@ pub trait Codec: Send + Sync + 'static {
     /// Encodes a content and appends it to `bytes`.
     fn write_content(&self, content: &Self::Content, bytes: &mut Vec<u8>);
 
-    /// Decodes a content written by [`Self::write_content`].
+    /// Returns a content written by [`Self::write_content`].
     ///
     /// # Errors
     /// The bytes are invalid.
@@ -29,7 +29,7 @@ pub trait Codec: Send + Sync + 'static {
     /// Encodes a value and appends it to `bytes`.
     fn write_value(&self, value: &Self::Value, bytes: &mut Vec<u8>);
 
-    /// Decodes a value written by [`Self::write_value`].
+    /// Returns a value written by [`Self::write_value`].
     ///
     /// # Errors
     /// The bytes are invalid.

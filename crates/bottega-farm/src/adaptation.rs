@@ -29,12 +29,12 @@ impl RelativePower {
         self.0
     }
 
-    /// Converts a time on this machine to reference-machine time.
+    /// Returns the reference-machine time of a time on this machine: own time / V_cp.
     pub fn to_reference(self, own: Duration) -> Duration {
         scaled(own, 1.0 / self.0)
     }
 
-    /// Converts reference-machine time to time on this machine.
+    /// Returns the time on this machine of a reference-machine time: reference time · V_cp.
     pub fn to_own(self, reference: Duration) -> Duration {
         scaled(reference, self.0)
     }

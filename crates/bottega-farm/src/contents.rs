@@ -102,7 +102,7 @@ pub enum LifeCycle {
     Terminate,
 }
 
-/// The content of a message between agents of the farm. Each variant begins with its performative.
+/// The content of a message between agents of the farm.
 #[derive(Clone, Debug, PartialEq)]
 pub enum FarmContent {
     /// *subscribe*: an agent registers, with the results of its benchmark.

@@ -92,8 +92,8 @@ impl JobReport {
 /// interruption, if the engine is [`exact_by_pixel`](bottega_engines::EngineDescription::exact_by_pixel).
 ///
 /// # Errors
-/// The settings are invalid, [`JobSettings::verify`] is above 1, `kept` has other settings, the engine cannot survey or prepare the scene, or a thread
-/// cannot be started.
+/// The settings are invalid, [`JobSettings::verify`] is above 1, `kept` has other settings, the engine cannot survey or
+/// prepare the scene, or a thread cannot be started.
 pub fn run(
     settings: &JobSettings,
     engine: Arc<dyn RenderEngine>,
@@ -105,8 +105,8 @@ pub fn run(
     lead(settings, engine, observer, stop, store, kept, None)
 }
 
-/// Leads a job like [`run`], together with the other machines on `link`, if it is given: their agents join by
-/// [`assist`].
+/// Leads a job together with the other machines on `link`, if it is given: their agents join by [`assist`]. Otherwise
+/// as [`run`]; also returns the same.
 ///
 /// If another process has led the job before, this one continues from the Blackboard. Once the picture is stored, clear
 /// the Blackboard: [`Link::forget`].

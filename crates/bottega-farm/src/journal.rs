@@ -60,7 +60,8 @@ impl<W: Write + Send> JournalWriter<W> {
         Ok(journal)
     }
 
-    /// Continues the journal that ends at the writer's position: cut the file to [`Journal::sound_bytes`] first.
+    /// Makes a writer that continues the journal that ends at the position of `to`: cut the file to
+    /// [`Journal::sound_bytes`] first.
     pub fn append(to: W) -> Self {
         Self { to, payload: Vec::new() }
     }

@@ -11,8 +11,8 @@ pub struct Prediction {
 }
 
 impl Prediction {
-    /// Compares numbers pair by pair. Returns `None` for fewer than three pairs, for numbers that are not finite, and
-    /// if all predicted or all measured numbers are equal.
+    /// Compares numbers pair by pair. Returns the agreement; `None` for fewer than three pairs, for numbers that are
+    /// not finite, and if all predicted or all measured numbers are equal.
     ///
     /// # Panics
     /// If the lengths differ.
@@ -73,8 +73,8 @@ pub struct Forecast {
 }
 
 impl Forecast {
-    /// Compares pairs of T_est and T, both in seconds; ignores pairs that are not finite or have T ≤ 0. `None`: no pair
-    /// is left.
+    /// Compares pairs of T_est and T, both in seconds, without those that are not finite or have T ≤ 0. Returns the
+    /// agreement; `None`: no pair is left.
     pub fn of(pairs: &[(f64, f64)]) -> Option<Self> {
         let is_sound = |(expected, taken): &&(f64, f64)| expected.is_finite() && taken.is_finite() && *taken > 0.0;
         let (expected, taken): (Vec<f64>, Vec<f64>) = pairs.iter().filter(is_sound).copied().unzip();

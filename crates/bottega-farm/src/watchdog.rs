@@ -19,8 +19,8 @@ pub struct Watchdog {
 }
 
 impl Watchdog {
-    /// Takes in the current situation. Returns the time without a start once it reaches [`STALLED_AFTER`]; the time
-    /// then begins again.
+    /// Takes in the current situation. Returns the time without a start once it reaches [`STALLED_AFTER`], which then
+    /// begins again; else `None`.
     ///
     /// - `is_in_vain`: true if there is unassigned work and a free worker.
     /// - `moves`: a number that changes whenever work starts or ends.

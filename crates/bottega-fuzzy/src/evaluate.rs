@@ -98,7 +98,8 @@ impl FunctionBlock {
         self.evaluate_indexed(&self.in_order(inputs)?)
     }
 
-    /// Like [`Self::evaluate`], with the values in the order of [`FunctionBlock::inputs`].
+    /// Like [`Self::evaluate`], with the values in the order of [`FunctionBlock::inputs`]. Returns the values of all
+    /// outputs.
     ///
     /// # Errors
     /// The number of values is wrong, or a value is NaN.

@@ -30,7 +30,7 @@ use crate::{
 
 /// A content type that can carry foreign messages as text.
 pub trait CarriesForeign: CarriesManagement {
-    /// Converts a foreign message. `None`: agents of this platform do not accept it, and the sender gets a
+    /// Returns a foreign message as content. `None`: agents of this platform do not accept it, and the sender gets a
     /// not-understood.
     fn from_foreign(message: WireMessage) -> Option<Self>;
 

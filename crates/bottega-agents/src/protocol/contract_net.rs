@@ -127,8 +127,8 @@ impl<C: Clone> ContractNetInitiator<C> {
         &self.call
     }
 
-    /// Handles a message of this conversation. Returns the event that it causes, if any; replies are appended to `send`.
-    /// Duplicates are ignored.
+    /// Handles a message of this conversation. Returns the event that it causes; `None`: there is none, as for
+    /// duplicates. Replies are appended to `send`.
     ///
     /// # Errors
     /// The sender was not called, or the message is out of sequence; nothing has changed.
@@ -301,8 +301,8 @@ impl<C: Clone> ContractNetResponder<C> {
         Self { me, open: BTreeMap::new() }
     }
 
-    /// Handles a message of the protocol. Returns the event that it causes, if any; replies are appended to `send`.
-    /// Duplicates are ignored.
+    /// Handles a message of the protocol. Returns the event that it causes; `None`: there is none, as for duplicates,
+    /// late calls, and calls beyond [`RESPONSES_MAX`]. Replies are appended to `send`.
     ///
     /// # Errors
     /// The conversation is unknown, or the message is out of sequence; nothing has changed.

@@ -77,7 +77,8 @@ impl RequestInitiator {
         Ok(Some(answer))
     }
 
-    /// Returns [`Answer::Silence`] if the deadline has passed without an answer.
+    /// Returns [`Answer::Silence`] if the deadline has passed without an answer, which ends the conversation; else
+    /// `None`.
     pub fn handle_time<C>(&mut self, now: Time) -> Option<Answer<C>> {
         self.deadline.take_if(|by| *by <= now).map(|_| Answer::Silence)
     }

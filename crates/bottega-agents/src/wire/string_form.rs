@@ -252,7 +252,7 @@ impl<'a> TextReader<'a> {
     }
 }
 
-/// Formats a message. It parses to the same message.
+/// Returns a message in the string representation, which parses to the same message.
 ///
 /// # Errors
 /// The name of a user-defined parameter is not `X-` and a word.

@@ -82,8 +82,8 @@ impl OpenZones {
         self.time
     }
 
-    /// Takes the zones for one call for proposals, largest first: all of them, or the largest and some of the smallest.
-    /// The zones are in no other call until they are given back or removed.
+    /// Takes the zones for one call for proposals, and returns them, largest first: all of them, or the largest and
+    /// some of the smallest. The zones are in no other call until they are given back or removed.
     ///
     /// - `round`: the number of the round.
     /// - `bidders`: the number of agents called.

@@ -83,8 +83,8 @@ impl Link {
         self.patiently(stop, || self.transport.put_tile(&name, &packed))
     }
 
-    /// Fetches a tile from another machine, and verifies its digest. Blocks, and tries again while the server is down,
-    /// until `stop` is requested.
+    /// Fetches a tile from another machine, verifies its digest and returns it. Blocks, and tries again while the
+    /// server is down, until `stop` is requested.
     ///
     /// - `result`: the reference to the tile, with its digest.
     ///

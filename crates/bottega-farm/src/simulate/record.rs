@@ -65,7 +65,7 @@ pub struct RecordedRules {
 }
 
 impl RecordedRules {
-    /// Records the rules and the bands of a work.
+    /// Makes the record of the rules and the bands of a work.
     ///
     /// - `experts`: the rules of the agents, assigned in rotation.
     /// - `engine`: the engine that painted, for the settings that it supports.

@@ -54,7 +54,7 @@ where
         Self::build(threads, Box::new(MemoryStore::default()), None)
     }
 
-    /// Like [`Self::new`], with a store that may be shared with other processes, or be persistent.
+    /// Starts threads like [`Self::new`], with a store that may be shared with other processes, or be persistent.
     ///
     /// # Errors
     /// A thread cannot be started.
@@ -62,8 +62,8 @@ where
         Self::build(threads, store, None)
     }
 
-    /// Like [`Self::new`], with a link to other processes: agents not found here are looked for there, and the store is
-    /// shared by all. Queues, blobs and presence stay within the process.
+    /// Starts threads like [`Self::new`], with a link to other processes: agents not found here are looked for there,
+    /// and the store is shared by all. Queues, blobs and presence stay within the process. `None`: no link.
     ///
     /// # Errors
     /// A thread cannot be started.
@@ -169,7 +169,10 @@ where
         Calendar::new(unix_time().saturating_sub(self.now().elapsed()))
     }
 
-    /// Waits until every agent has stopped, then ends the threads. Propagates a machine's panic.
+    /// Waits until every agent has stopped, then ends the threads.
+    ///
+    /// # Panics
+    /// If a machine has panicked.
     pub fn wait(mut self) {
         let mut state = self.shared.lock();
         while state.alive > 0 && !state.panicked {
