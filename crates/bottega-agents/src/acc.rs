@@ -63,7 +63,7 @@ fn decode(charset: Option<&str>, bytes: &[u8]) -> Result<String, AccError> {
     }
 }
 
-/// A message to another platform.
+/// A message to another platform, ready to send, with the addresses to try.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outbound {
     /// Addresses to try in order, until one accepts the message.
@@ -91,7 +91,7 @@ pub enum Routed {
     Forward(Outbound),
 }
 
-/// An error in a received message.
+/// The reason why a received message is rejected.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum AccError {
     /// The message is invalid.
@@ -111,7 +111,7 @@ pub enum AccError {
     Loop,
 }
 
-/// The channel of one process of a platform.
+/// The Agent Communication Channel of one process of a platform: it routes messages to agents and other platforms.
 #[derive(Clone, Debug)]
 pub struct Acc {
     platform: String,
@@ -150,7 +150,7 @@ impl Acc {
         }
     }
 
-    /// Adds an agent of this process.
+    /// Adds an agent of this process, to which messages are delivered from now on.
     pub fn add(&mut self, agent: AgentId) {
         self.agents.insert(agent.name.to_lowercase(), agent);
     }
@@ -165,7 +165,8 @@ impl Acc {
         self.agents.get(&agent.name.to_lowercase())
     }
 
-    /// Updates an agent's address from the white pages; `None`: it has none elsewhere.
+    /// Updates the address of the agent with this name from the white pages; `None`: it has no address in another
+    /// process.
     pub fn learn(&mut self, name: &str, agent: Option<AgentId>) {
         match agent {
             Some(agent) => _ = self.elsewhere.insert(name.to_lowercase(), agent),

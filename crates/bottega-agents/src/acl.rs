@@ -157,7 +157,7 @@ impl<C> AclMessage<C> {
         }
     }
 
-    /// Returns the message with its content mapped.
+    /// Returns the message with its content replaced by `change` of it.
     pub fn map<D>(self, change: impl FnOnce(C) -> D) -> AclMessage<D> {
         AclMessage {
             performative: self.performative,

@@ -8,7 +8,7 @@ use crate::{AclMessage, Action, AgentId, Key, StoreRequest, Ticket};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct BlobId(pub [u8; 32]);
 
-/// The bytes of a blob, shared.
+/// The bytes of a blob. Clones share them.
 pub type Blob = Arc<[u8]>;
 
 /// Maximum number of blobs in an in-memory bus.

@@ -28,7 +28,7 @@ const FRAMES_AHEAD: usize = 4;
 /// If the reader was busy for longer than this, the arrival time of the next bytes is unknown.
 const PROMPT: Duration = Duration::from_millis(1);
 
-/// The options of a board.
+/// The options of a board: its threads, limits and build.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoardOptions {
     /// Number of threads that trace rays.
@@ -41,7 +41,7 @@ pub struct BoardOptions {
     pub build: String,
 }
 
-/// A board that listens for connections.
+/// A board that listens for connections, and traces rays for the clients.
 #[derive(Debug)]
 pub struct BoardServer {
     listener: TcpListener,

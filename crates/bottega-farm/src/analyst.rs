@@ -20,7 +20,7 @@ const SURVEY_CELL_SIDE_MIN: u32 = 4;
 /// Time without a reply after which the Analyst repeats its requests to the store.
 const RETRY_AFTER: Duration = Duration::from_secs(3);
 
-/// The configuration of an Analyst.
+/// The configuration of an Analyst: the work, and how to cut its picture.
 #[derive(Clone, Debug)]
 pub struct AnalystConfig {
     /// The Analyst's own id.

@@ -74,7 +74,7 @@ pub struct WorkRow {
     pub features: TaskFeatures,
 }
 
-/// The row of an agent.
+/// The row of an agent on the Blackboard: its speed and its record.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AgentRow {
     /// The name of the agent.

@@ -75,7 +75,10 @@ pub struct Mask {
 }
 
 impl Mask {
-    /// Makes the mask of a zone without a band, where its neighbors have none either. Both rectangles are in pixels.
+    /// Makes the mask of a zone without a band, where its neighbors have none either.
+    ///
+    /// - `rect`: the pixels of the zone.
+    /// - `frame`: the pixels of the picture to paint.
     pub fn without_band(rect: Rect, frame: Rect) -> Self {
         Self { frame, zone: BandedZone::new(rect, Sides::all(0), &frame), overlapping: Vec::new() }
     }

@@ -113,7 +113,9 @@ pub struct RegistrationConfig {
 }
 
 impl RegistrationConfig {
-    /// Makes the registration for a work, at this platform's services.
+    /// Makes the registration for a work, at this platform's services, without a check of the Master's machine.
+    ///
+    /// - `job`: the number of the work's job; `None`: it has none.
     pub fn new(work: WorkId, job: Option<u32>) -> Self {
         let [start, ..] = directory_service_names();
         Self { start, work, job, master_home: None }

@@ -45,7 +45,7 @@ use self::{
 };
 use crate::{FarmCompletion, Forecast, Goal, JobLesson, JournalContents, Times, WorkRow, ZoneId, ZoneRow, ZoneStore};
 
-/// The report of a job.
+/// The report of a job that has ended: its picture, rows and times.
 #[derive(Debug)]
 pub struct JobReport {
     /// The picture, possibly incomplete.

@@ -120,7 +120,7 @@ pub enum ImportanceError {
     },
 }
 
-/// The importance map of one picture.
+/// The importance map of one picture: predicted cost and visual importance of each survey cell.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImportanceMap {
     /// Predicted cost per pixel; mean 1 over the frame, each at least [`COST_FLOOR`] of it.
@@ -169,6 +169,8 @@ impl ImportanceMap {
     }
 
     /// Makes a uniform map, for a picture about which nothing is known: every pixel costs 1.
+    ///
+    /// - `frame`: the pixels that it covers.
     pub fn uniform(frame: Rect) -> Self {
         let even = |value: f32| Sums::new(frame, (1, 1), vec![value]);
         Self { cost: even(1.0), importance: even(0.5) }

@@ -38,7 +38,7 @@ pub trait ZoneStore: Send {
     fn put_zone(&mut self, row: &ZoneRow, tile: Option<&Tile>) -> io::Result<()>;
 }
 
-/// A writer of journals.
+/// A writer of journals, which stores the progress of one work.
 #[derive(Debug)]
 pub struct JournalWriter<W: Write> {
     to: W,

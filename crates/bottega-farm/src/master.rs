@@ -93,7 +93,7 @@ impl Phase {
     }
 }
 
-/// The state machine of a Master.
+/// The state machine of a Master, which assigns the zones of one work and has them composed.
 #[derive(Clone, Debug)]
 pub struct Master {
     phase: Phase,

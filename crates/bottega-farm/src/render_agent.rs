@@ -35,7 +35,7 @@ use crate::{
     registrant::{DirectoryEvent, MasterSource},
 };
 
-/// The configuration of a Render Agent.
+/// The configuration of a Render Agent: its Master, its rules, and what it learned before.
 #[derive(Clone, Debug)]
 pub struct RenderAgentConfig {
     /// The agent's own id.

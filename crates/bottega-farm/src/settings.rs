@@ -76,7 +76,7 @@ impl FromStr for Optimization {
     }
 }
 
-/// The use of a zone's estimated error.
+/// The use that is made of the estimated error of a zone.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum ErrorUse {
     /// None: it is not estimated.
@@ -107,7 +107,7 @@ impl Goal {
     /// Number of first samples of a zone with a goal of error or time.
     pub(crate) const FIRST_SAMPLES: u32 = 8;
 
-    /// Returns the use of the error of zones with this goal.
+    /// Returns the use that zones with this goal make of their estimated error.
     pub fn error_use(&self) -> ErrorUse {
         match *self {
             Self::Samples => ErrorUse::None,

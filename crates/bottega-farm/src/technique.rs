@@ -4,7 +4,7 @@
 
 use bottega_fuzzy::FunctionBlock;
 
-/// A rendering technique with rules.
+/// A rendering technique for which there are rules.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Technique {
     /// Path tracing, as in the built-in engine.

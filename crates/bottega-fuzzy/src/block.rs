@@ -154,7 +154,7 @@ impl FunctionBlock {
         &self.rule_blocks
     }
 
-    /// Returns all rules of all blocks, in order.
+    /// Returns all rules of all blocks, in the order of the text.
     pub fn rules(&self) -> impl Iterator<Item = &Rule> {
         self.rule_blocks.iter().flat_map(|block| &block.rules)
     }

@@ -30,7 +30,7 @@ pub enum EvaluateError {
     },
 }
 
-/// The values of all outputs.
+/// The values of all outputs of a function block, by one evaluation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outputs {
     names: Vec<String>,

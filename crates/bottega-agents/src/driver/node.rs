@@ -57,7 +57,7 @@ type GatewayReports = Reports<ChannelReport>;
 /// A function that formats a passing message as a line of the trace, without line end.
 pub type TraceLine = fn(&Passage, Calendar) -> String;
 
-/// The configuration of a node.
+/// The configuration of a node: its names, its store, and the rights of other agents.
 pub struct NodeConfig {
     /// The name of the platform: the part after `@` in the names of its agents.
     pub name: String,

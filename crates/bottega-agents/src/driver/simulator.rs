@@ -144,7 +144,7 @@ where
         self.begin(node);
     }
 
-    /// Records a trace from now on.
+    /// Records a trace from now on, which [`Self::trace`] returns.
     pub fn record_trace(&mut self) {
         self.network.trace = Some(Vec::new());
     }
@@ -155,7 +155,7 @@ where
         self.network.trace.as_ref().map_or_else(String::new, |lines| lines.join("\n"))
     }
 
-    /// Returns the current time.
+    /// Returns the current virtual time.
     pub fn now(&self) -> Time {
         self.network.now
     }
@@ -202,7 +202,7 @@ where
         }
     }
 
-    /// Removes an agent permanently.
+    /// Removes an agent permanently; its name may be added again.
     pub fn retire(&mut self, id: &AgentId) {
         let Some(node) = self.network.known(id) else { return };
         self.end(node, "is gone");
@@ -292,7 +292,7 @@ where
         assert!(self.world.next_change().is_none_or(|next| next > at), "the world names a change again that has come");
     }
 
-    /// Runs all events up to `end`.
+    /// Runs all events up to `end`, which is the current time afterwards.
     pub fn run_until(&mut self, end: Time) {
         self.run_while(end, |_| true);
         self.network.now = self.network.now.max(end);

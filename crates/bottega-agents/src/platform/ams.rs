@@ -29,7 +29,7 @@ pub const HTTP_TRANSPORT: &str = "fipa.mts.mtp.http.std";
 /// Time after which a failed write is repeated.
 const LOOK_AGAIN_AFTER: Duration = Duration::from_secs(2);
 
-/// The configuration of an AMS: its name and its platform.
+/// The configuration of an AMS: its platform, and the agents with special rights.
 #[derive(Clone, Debug)]
 pub struct AmsConfig {
     /// The AMS's own id.

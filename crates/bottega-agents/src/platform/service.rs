@@ -61,7 +61,7 @@ pub struct Change {
     pub text: String,
 }
 
-/// The next step of a function.
+/// The next step in the execution of a function.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
     /// The function is finished, without a change.

@@ -50,7 +50,7 @@ pub enum TaskOutcome<C> {
     Lost,
 }
 
-/// An event for an initiator.
+/// An event for the agent that called for proposals.
 #[derive(Clone, Debug, PartialEq)]
 pub enum InitiatorEvent<C> {
     /// All proposals are in: call [`ContractNetInitiator::award`]. There may be none.
@@ -258,7 +258,7 @@ impl<C: Clone> ContractNetInitiator<C> {
     }
 }
 
-/// An event for a responder.
+/// An event for an agent that is called for proposals.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ResponderEvent<C> {
     /// A call: answer it by [`ContractNetResponder::propose`] or [`ContractNetResponder::refuse`] before its
@@ -377,7 +377,7 @@ impl<C: Clone> ContractNetResponder<C> {
         true
     }
 
-    /// Refuses a call. Returns true if it was open.
+    /// Refuses a call: appends the refusal to `send`. Returns true if the call was open.
     pub fn refuse(&mut self, conversation: &Conversation, content: C, send: &mut Vec<AclMessage<C>>) -> bool {
         let Some(Response::Called(call)) = self.open.get(conversation) else { return false };
         send.push(call.reply(Performative::Refuse, self.me.clone(), content));

@@ -13,7 +13,7 @@ pub const SUBSCRIBERS_MAX: usize = 4096;
 #[error("there are {SUBSCRIBERS_MAX} subscribers already")]
 pub struct TooManySubscribers;
 
-/// An event for the publisher.
+/// An event for the agent that publishes.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PublisherEvent<C> {
     /// A subscription to what the content names. Accept it by [`Subscriptions::accept`], or refuse it.
@@ -78,7 +78,7 @@ impl<C: Clone> Subscriptions<C> {
         }
     }
 
-    /// Removes an agent that is gone.
+    /// Removes all subscriptions of an agent that is gone.
     pub fn forget(&mut self, agent: &AgentId) {
         self.subscribers.retain(|(subscriber, _), _| subscriber != agent);
     }

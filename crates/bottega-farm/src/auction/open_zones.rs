@@ -103,6 +103,8 @@ impl OpenZones {
     }
 
     /// Puts back a zone that no agent won, unless it was removed meanwhile.
+    ///
+    /// - `round`: the round in which it was on offer.
     pub fn give_back(&mut self, rule: AuctionRule, round: u64, offer: Offer) {
         // Ignore a zone that was removed, inserted and offered again in another round
         if self.offered.get(&offer.zone) == Some(&round) {

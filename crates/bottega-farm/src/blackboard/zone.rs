@@ -13,7 +13,7 @@ use crate::{
 /// Number of failed attempts after which a zone is given up.
 pub const ATTEMPTS_MAX: u32 = 5;
 
-/// The row of a zone.
+/// The row of a zone on the Blackboard: its pixels, state, agent and samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ZoneRow {
     /// The paper's IdWork: the work to which the zone belongs.

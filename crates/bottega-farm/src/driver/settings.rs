@@ -17,7 +17,7 @@ pub const AGENTS_MAX: usize = 1 << 10;
 pub const VERIFY_MAX: u32 = 16;
 /// Maximum number of zones that an agent works on at once.
 pub const PREFETCH_MAX: u32 = 1 << 10;
-/// The settings of a job.
+/// The settings of a job: picture, quality, agents, and what was learned before.
 #[derive(Clone, Debug)]
 pub struct JobSettings {
     /// Width of the whole picture, in pixels.

@@ -33,7 +33,7 @@ impl Default for Timing {
     }
 }
 
-/// The configuration of a Master.
+/// The configuration of a Master: its work, the rule of its auction, and its checks.
 #[derive(Clone, Debug)]
 pub struct MasterConfig {
     /// The Master's own id.

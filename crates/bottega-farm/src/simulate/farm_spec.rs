@@ -22,7 +22,7 @@ pub struct FarmSpec {
     pub incidents: Vec<Incident>,
 }
 
-/// A machine of a simulation.
+/// A machine of a simulation, with its processors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MachineSpec {
     /// Number of processors, shared by all agents of the machine.
@@ -31,7 +31,7 @@ pub struct MachineSpec {
     pub speed: f64,
 }
 
-/// An agent of a simulation.
+/// An agent of a simulation: its machine, and when it joins.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AgentSpec {
     /// Index of the agent's machine.
@@ -51,7 +51,7 @@ pub struct Incident {
     pub kind: IncidentKind,
 }
 
-/// The kind of an incident.
+/// The kind of an incident, with its parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum IncidentKind {
     /// The agent fails silently and does not come back.
@@ -72,7 +72,7 @@ pub enum IncidentKind {
     Load(f64),
 }
 
-/// An error in a specification of agents.
+/// An error in the text that specifies the agents of a simulation.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FarmSpecError {
     /// A word is invalid.

@@ -95,6 +95,8 @@ pub struct Plan {
 impl Plan {
     /// Makes a plan with these agents on a fast network without faults. Zones are shared at the end if agents have
     /// machines of their own.
+    ///
+    /// - `seed`: the seed of all random numbers.
     pub fn calm(farm: FarmSpec, seed: u64) -> Self {
         Self {
             shares_tail: farm.machines.len() >= farm.agents.len(),
@@ -129,7 +131,7 @@ impl Plan {
     }
 }
 
-/// An error of a simulation.
+/// The reason why a simulation has no outcome.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SimulationError {
     /// There are no agents.

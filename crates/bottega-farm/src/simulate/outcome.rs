@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, time::Duration};
 use super::{Span, TimeLeft};
 use crate::{Credit, RelativePower, RoundSummary, Theft};
 
-/// The outcome of a simulation.
+/// The outcome of a simulation: times, counts and records of agents.
 #[derive(Clone, Debug)]
 pub struct SimulationOutcome {
     /// Time at which the picture was complete, from the start of the platform.
@@ -45,7 +45,7 @@ pub struct SimulationOutcome {
     pub times_left: Vec<TimeLeft>,
 }
 
-/// The result of an agent.
+/// The result of one agent of a simulation: its work, credit and speed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AgentOutcome {
     /// The name of the agent.

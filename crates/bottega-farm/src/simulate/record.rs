@@ -95,7 +95,7 @@ impl RecordedRules {
     }
 }
 
-/// The record of a zone.
+/// The record of a zone: its pixels, settings and measured times.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedZone {
     /// The zone's own pixels, without the band.
@@ -202,7 +202,7 @@ impl CostGrid {
 /// The version of the JSON format.
 pub(super) const VERSION: u64 = 2;
 
-/// An error in a record.
+/// An error in making, reading or checking a record.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RecordError {
     /// The text is not JSON of this format.

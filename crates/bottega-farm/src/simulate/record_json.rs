@@ -106,7 +106,7 @@ struct ZoneJson {
 }
 
 impl Record {
-    /// Returns the record as JSON.
+    /// Returns the record as JSON, which [`Record::from_json`] reads.
     pub fn to_json(&self) -> String {
         let WorkSettings { picture, frame, samples, goal: _, tunables, optimization } = self.work;
         let json = RecordJson {

@@ -19,7 +19,7 @@ const CONNECT_WAIT: Duration = Duration::from_secs(3);
 /// Timeout of the response.
 const ANSWER_WAIT: Duration = Duration::from_secs(10);
 
-/// The reason why a message was not accepted.
+/// The reason why a message to another platform was not sent or not accepted.
 #[derive(Debug, thiserror::Error)]
 pub enum SendError {
     /// There are no addresses.

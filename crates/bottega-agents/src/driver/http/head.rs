@@ -39,7 +39,7 @@ impl HttpError {
     }
 }
 
-/// The header of a request.
+/// The header of an HTTP request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Head {
     /// The method: `POST`, `GET`, …

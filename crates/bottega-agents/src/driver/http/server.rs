@@ -34,7 +34,7 @@ const ANSWER_WAIT: Duration = Duration::from_secs(20);
 /// The path of the trace of passing messages, for clients on this machine.
 pub const TRACE_PATH: &str = "/trace";
 
-/// The service behind the server.
+/// The service behind the HTTP server: it accepts messages, and describes and traces itself.
 pub struct HttpService {
     /// Accepts a message. False if there is no room at the moment.
     pub take: Box<dyn Fn(Letter) -> bool + Send + Sync>,

@@ -33,7 +33,7 @@ const TURN_EVENTS_MAX: usize = 32;
 /// Minimum delay of a machine that sets a deadline in the past.
 const WAKE_AFTER_MIN: Duration = Duration::from_millis(1);
 
-/// A platform in one process.
+/// A platform in one process, which runs its agents on a few threads.
 pub struct LocalPlatform<M: StateMachine> {
     shared: Arc<PlatformShared<M>>,
     threads: Vec<thread::JoinHandle<()>>,
@@ -149,7 +149,7 @@ where
         self.shared.with_store(|store, replies| store.poll(replies));
     }
 
-    /// Returns the bus, for other threads.
+    /// Returns the bus of the platform, through which other threads send messages.
     pub fn bus(&self) -> LocalBus<M> {
         LocalBus(Arc::clone(&self.shared))
     }

@@ -16,7 +16,7 @@ const ENROL_TIME: Duration = Duration::from_secs(10);
 /// Maximum number of requests of a group answered concurrently.
 const AT_ONCE: usize = 16;
 
-/// The key pair of a member.
+/// The key pair with which a member of a farm logs in.
 pub struct MemberKey(nkeys::KeyPair);
 
 impl MemberKey {

@@ -93,10 +93,10 @@ pub struct NatsThread {
 }
 
 impl NatsThread {
-    /// Starts the thread.
+    /// Starts the thread, on which links can be opened by [`NatsUplink::connect_on`].
     ///
     /// # Errors
-    /// A thread cannot be started.
+    /// The thread cannot be started.
     pub fn start() -> Result<Arc<Self>, NatsError> {
         let runtime = Builder::new_current_thread().enable_all().build()?;
         let handle = runtime.handle().clone();
@@ -154,7 +154,7 @@ impl<K: Codec> NatsUplink<K> {
         })
     }
 
-    /// Returns the blobs: large data.
+    /// Returns the blobs of the farm, for large data: the input of jobs, their orders and their results.
     pub fn blobs(&self) -> &NatsBlobs {
         &self.blobs
     }
@@ -174,17 +174,17 @@ impl<K: Codec> NatsUplink<K> {
         self.is_guest
     }
 
-    /// Returns the notices of the farm.
+    /// Returns the notices of the farm, which all members may read and change.
     pub fn notices(&self) -> &NatsNotices {
         &self.notices
     }
 
-    /// Returns the live messages of the farm.
+    /// Returns the live messages of the farm, which are sent to all current listeners.
     pub fn live(&self) -> &NatsLive {
         &self.live
     }
 
-    /// Returns the version of the server.
+    /// Returns the version of the NATS server, such as `2.10.4`.
     pub fn server_version(&self) -> String {
         self.client.server_info().version
     }
@@ -200,7 +200,7 @@ impl<K: Codec> NatsUplink<K> {
         }
     }
 
-    /// Returns true if the server is connected.
+    /// Returns true if the link is connected to a server now.
     pub fn is_connected(&self) -> bool {
         self.client.connection_state() == async_nats::connection::State::Connected
     }

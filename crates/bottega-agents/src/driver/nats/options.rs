@@ -45,7 +45,7 @@ pub enum Login {
     Credentials(PathBuf),
 }
 
-/// The encryption of a connection.
+/// The encryption of a connection: whether it is required, and the certificates of both sides.
 #[derive(Clone, Debug, Default)]
 pub struct Tls {
     /// True if encryption is required.
