@@ -196,7 +196,7 @@ pub enum FarmContent {
     Management(Arc<ManagementContent>),
 }
 
-/// A message of the farm.
+/// A message between agents of the farm.
 pub type FarmMessage = AclMessage<FarmContent>;
 
 /// Returns a message outside any conversation.

@@ -105,8 +105,8 @@ pub fn run(
     lead(settings, engine, observer, stop, store, kept, None)
 }
 
-/// Leads a job together with the other machines on `link`, if it is given: their agents join by [`assist`]. Otherwise
-/// as [`run`]; also returns the same.
+/// Leads a job together with the other machines on `link`, if it is given: their agents join by [`assist`]. The other
+/// parameters and the result are those of [`run`].
 ///
 /// If another process has led the job before, this one continues from the Blackboard. Once the picture is stored, clear
 /// the Blackboard: [`Link::forget`].

@@ -28,7 +28,7 @@ const OPEN_MAX: usize = 1 << 12;
 /// Maximum length of an entry's text, in bytes, unless a service sets its own.
 pub const ENTRY_BYTES_MAX: usize = 1 << 16;
 
-/// A message to or from a service.
+/// A message of agent management, to or from a service.
 pub type Said = AclMessage<ManagementContent>;
 
 /// The reason why a function has no result.

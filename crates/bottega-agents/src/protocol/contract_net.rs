@@ -378,6 +378,8 @@ impl<C: Clone> ContractNetResponder<C> {
     }
 
     /// Refuses a call: appends the refusal to `send`. Returns true if the call was open.
+    ///
+    /// - `content`: the reason.
     pub fn refuse(&mut self, conversation: &Conversation, content: C, send: &mut Vec<AclMessage<C>>) -> bool {
         let Some(Response::Called(call)) = self.open.get(conversation) else { return false };
         send.push(call.reply(Performative::Refuse, self.me.clone(), content));
@@ -385,12 +387,16 @@ impl<C: Clone> ContractNetResponder<C> {
         true
     }
 
-    /// Reports success of an accepted task. Returns true if this agent held it.
+    /// Reports success of an accepted task: appends the report to `send`. Returns true if this agent held the task.
+    ///
+    /// - `content`: the result.
     pub fn done(&mut self, conversation: &Conversation, content: C, send: &mut Vec<AclMessage<C>>) -> bool {
         self.end(conversation, Performative::Inform, content, send)
     }
 
-    /// Reports failure of an accepted task. Returns true if this agent held it.
+    /// Reports failure of an accepted task: appends the report to `send`. Returns true if this agent held the task.
+    ///
+    /// - `content`: the reason.
     pub fn fail(&mut self, conversation: &Conversation, content: C, send: &mut Vec<AclMessage<C>>) -> bool {
         self.end(conversation, Performative::Failure, content, send)
     }

@@ -121,7 +121,7 @@ impl Link {
         }
     }
 
-    /// Deletes all data of the work at the farm.
+    /// Deletes all data of the work at the farm: its rows and its tiles.
     pub fn forget(&self) {
         self.transport.forget(&WorkKeys::new(self.work).prefix(), &self.folder());
     }

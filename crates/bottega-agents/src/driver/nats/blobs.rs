@@ -233,7 +233,7 @@ impl NatsBlobs {
         self.age(name).map(|age| age.is_some())
     }
 
-    /// Reads a blob. `None`: there is none of this name.
+    /// Reads a blob and returns its bytes. `None`: there is none of this name.
     ///
     /// - `bytes_max`: maximum size, in bytes.
     ///

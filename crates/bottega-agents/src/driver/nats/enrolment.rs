@@ -30,7 +30,7 @@ impl MemberKey {
         self.0.public_key()
     }
 
-    /// Returns the secret seed, to be stored. `None`: the key pair has only a public key.
+    /// Returns the secret seed, to be stored. `None`: there is no secret part; a key of [`Self::new`] has one.
     pub fn seed(&self) -> Option<String> {
         self.0.seed().ok()
     }

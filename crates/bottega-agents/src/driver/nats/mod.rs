@@ -205,7 +205,7 @@ impl<K: Codec> NatsUplink<K> {
         self.client.connection_state() == async_nats::connection::State::Connected
     }
 
-    /// Returns the state of the storage of the server, asking it; blocks at most two seconds.
+    /// Asks the server for the state of its storage, and returns it; blocks at most two seconds.
     pub fn server_state(&self) -> ServerState {
         let request = Request::new().timeout(Some(ANSWER_TIME));
         match self.handle.block_on(self.client.send_request(STORE_INFO, request)) {

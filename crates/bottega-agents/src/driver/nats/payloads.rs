@@ -130,7 +130,7 @@ impl NatsPayloads {
         written.map_err(|error| BlobError::passing(name, &error))
     }
 
-    /// Reads a payload. `None`: there is none of this name.
+    /// Reads a payload and returns its bytes. `None`: there is none of this name.
     ///
     /// - `bytes_max`: maximum size, in bytes.
     ///
