@@ -34,10 +34,13 @@ pub struct Letter {
 }
 
 impl Letter {
-    /// Parses a message in the representation and the character set that its envelope names.
+    /// Decodes and parses a message in the representation and the character set that its envelope names.
+    ///
+    /// - `payload`: the message as received, in that character set.
     ///
     /// # Errors
-    /// Representation or character set is unknown, or the message is invalid.
+    /// The representation or the character set is unknown, the bytes are not valid in the character set, or the message
+    /// is invalid.
     pub fn open(envelope: Envelope, payload: &[u8]) -> Result<Self, AccError> {
         let payload = decode(envelope.payload_encoding.as_deref(), payload)?;
         let message = match envelope.acl_representation.to_ascii_lowercase().as_str() {
@@ -60,7 +63,7 @@ fn decode(charset: Option<&str>, bytes: &[u8]) -> Result<String, AccError> {
     }
 }
 
-/// A message to another platform.
+/// A message to another platform, ready to send, with the addresses to try.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outbound {
     /// Addresses to try in order, until one accepts the message.
@@ -88,7 +91,7 @@ pub enum Routed {
     Forward(Outbound),
 }
 
-/// An error in a received message.
+/// The reason why a received message is rejected.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum AccError {
     /// The message is invalid.
@@ -108,7 +111,7 @@ pub enum AccError {
     Loop,
 }
 
-/// The channel of one process of a platform.
+/// The Agent Communication Channel of one process of a platform: it routes messages to agents and other platforms.
 #[derive(Clone, Debug)]
 pub struct Acc {
     platform: String,
@@ -147,7 +150,7 @@ impl Acc {
         }
     }
 
-    /// Adds an agent of this process.
+    /// Adds an agent of this process, to which messages are delivered from now on.
     pub fn add(&mut self, agent: AgentId) {
         self.agents.insert(agent.name.to_lowercase(), agent);
     }
@@ -162,7 +165,8 @@ impl Acc {
         self.agents.get(&agent.name.to_lowercase())
     }
 
-    /// Updates an agent's address from the white pages; `None`: it has none elsewhere.
+    /// Updates the address of the agent with this name from the white pages; `None`: it has no address in another
+    /// process.
     pub fn learn(&mut self, name: &str, agent: Option<AgentId>) {
         match agent {
             Some(agent) => _ = self.elsewhere.insert(name.to_lowercase(), agent),
@@ -175,8 +179,8 @@ impl Acc {
         self.addresses.first().unwrap_or(&self.platform)
     }
 
-    /// Routes a message. Each of its intended receivers, or else each of `to`, gets it once; the AMS informs the sender
-    /// of receivers that cannot be reached.
+    /// Returns the next step of a received message for each of its intended receivers, or else for each of `to`. An
+    /// unreachable receiver gives a failure message of the AMS to the sender.
     ///
     /// # Errors
     /// The message has passed this channel before.
@@ -232,7 +236,8 @@ impl Acc {
         new
     }
 
-    /// Addresses elsewhere of an agent that is not in this process.
+    /// Returns the addresses of an agent that is not in this process, without those of this channel; empty: none is
+    /// known.
     pub fn ways_to(&self, agent: &AgentId) -> Vec<String> {
         let known = self.elsewhere.get(&agent.name.to_lowercase()).map_or(&[][..], |known| &known.addresses);
         // Addresses in the name do not count for agents of this platform
@@ -264,7 +269,9 @@ impl Acc {
         copy
     }
 
-    /// Addresses a message from an agent of this platform to one of another platform.
+    /// Returns a message from an agent of this platform to one of another, with its envelope and the addresses to try.
+    ///
+    /// - `form`: the representation, such as [`STRING_FORM`].
     ///
     /// # Errors
     /// The message cannot be written in this representation, or the receiver has no address.
@@ -306,7 +313,10 @@ impl Acc {
         Ok(Outbound { addresses, envelope, payload, message })
     }
 
-    /// Returns the AMS's message to the sender that a message could not be delivered.
+    /// Returns the AMS's messages to the sender that a message did not reach its receivers, one for each of them; see
+    /// [`Self::failure`] for when there are none.
+    ///
+    /// - `reason`: the error, as text for the user.
     pub fn undelivered(&self, now: Time, outbound: &Outbound, reason: &str) -> Vec<Routed> {
         let envelope = &outbound.envelope;
         let receivers =
@@ -318,8 +328,12 @@ impl Acc {
         failures.collect()
     }
 
-    /// Returns the message to a sender that a receiver cannot be reached, in the representation it used. None in
-    /// reply to a failure or a not-understood, to avoid endless replies.
+    /// Returns the AMS's message to a sender that a receiver cannot be reached. `None`: the message is itself a failure
+    /// or a not-understood, to avoid endless replies, or the sender is unknown or has no address.
+    ///
+    /// - `form`: the representation of the undelivered message, and of this one.
+    /// - `from`: the sender in the envelope, if the message does not name one.
+    /// - `reason`: the error, as text for the user.
     pub fn failure(
         &self,
         now: Time,

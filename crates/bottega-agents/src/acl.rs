@@ -87,7 +87,8 @@ impl Performative {
         }
     }
 
-    /// Parses the standard's name, without case: some platforms use capitals.
+    /// Returns the performative with this name in the standard, compared without case, because some platforms use
+    /// capitals. `None`: there is none.
     pub fn from_word(word: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|performative| performative.word().eq_ignore_ascii_case(word))
     }
@@ -156,7 +157,7 @@ impl<C> AclMessage<C> {
         }
     }
 
-    /// Returns the message with its content mapped.
+    /// Returns the message with its content replaced by `change` of it.
     pub fn map<D>(self, change: impl FnOnce(C) -> D) -> AclMessage<D> {
         AclMessage {
             performative: self.performative,

@@ -8,7 +8,7 @@ use crate::{AclMessage, Action, AgentId, Key, StoreRequest, Ticket};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct BlobId(pub [u8; 32]);
 
-/// The bytes of a blob, shared.
+/// The bytes of a blob. Clones share them.
 pub type Blob = Arc<[u8]>;
 
 /// Maximum number of blobs in an in-memory bus.
@@ -33,16 +33,16 @@ pub trait Bus {
     /// Adds an agent to a queue.
     fn join(&mut self, queue: &Key, agent: &AgentId);
 
-    /// Sends a request to the store: get, put, compare-and-set, watch.
+    /// Sends a request to the store: get, put, compare-and-set, watch. The replies carry `ticket`.
     fn ask_store(&mut self, from: &AgentId, ticket: Ticket, request: StoreRequest<Self::Value>);
 
     /// Reports to the agent which agents are present, and from now on every arrival and departure.
     fn watch_presence(&mut self, from: &AgentId);
 
-    /// Stores a blob. False if there is no room.
+    /// Stores a blob under its digest. Returns false if there is no room.
     fn put_blob(&mut self, id: BlobId, blob: Blob) -> bool;
 
-    /// Returns a blob, if it is stored.
+    /// Returns a blob; `None`: it is not stored.
     fn blob(&self, id: BlobId) -> Option<Blob>;
 }
 

@@ -17,19 +17,19 @@ pub trait Codec: Send + Sync + 'static {
     /// Returns all languages, ontologies and protocols of messages; the same in every process with this version.
     fn words(&self) -> &'static [&'static str];
 
-    /// Appends an encoded content.
+    /// Encodes a content and appends it to `bytes`.
     fn write_content(&self, content: &Self::Content, bytes: &mut Vec<u8>);
 
-    /// Decodes a content written by [`Self::write_content`].
+    /// Returns a content written by [`Self::write_content`].
     ///
     /// # Errors
     /// The bytes are invalid.
     fn read_content(&self, bytes: &[u8]) -> Result<Self::Content, Self::Error>;
 
-    /// Appends an encoded value.
+    /// Encodes a value and appends it to `bytes`.
     fn write_value(&self, value: &Self::Value, bytes: &mut Vec<u8>);
 
-    /// Decodes a value written by [`Self::write_value`].
+    /// Returns a value written by [`Self::write_value`].
     ///
     /// # Errors
     /// The bytes are invalid.

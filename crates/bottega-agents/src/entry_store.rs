@@ -65,7 +65,7 @@ impl<V: Clone> Default for SharedStore<V> {
 }
 
 impl<V: Clone> SharedStore<V> {
-    /// Adds a member for one more driver.
+    /// Adds a member, and returns its access to the store: one for each driver.
     pub fn member(&self) -> SharedMember<V> {
         let mut shared = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         shared.waiting.push(Vec::new());

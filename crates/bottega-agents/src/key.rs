@@ -23,13 +23,19 @@ pub(crate) enum EntryName {
 }
 
 impl Key {
-    /// Makes the key of a number in a folder. Panics unless `folder` ends with `/`.
+    /// Makes the key of a number in a folder.
+    ///
+    /// # Panics
+    /// Unless `folder` ends with `/`.
     pub fn numbered(folder: &Arc<str>, number: u64) -> Self {
         assert!(folder.ends_with('/'), "the name of a folder ends with a stroke");
         Self { folder: Arc::clone(folder), name: EntryName::Number(number) }
     }
 
-    /// Makes the key of a name in a folder. Panics unless `folder` ends with `/`.
+    /// Makes the key of a name in a folder.
+    ///
+    /// # Panics
+    /// Unless `folder` ends with `/`.
     pub fn named(folder: &Arc<str>, name: &Arc<str>) -> Self {
         assert!(folder.ends_with('/'), "the name of a folder ends with a stroke");
         if name.contains('/') {

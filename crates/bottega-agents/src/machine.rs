@@ -17,7 +17,7 @@ pub enum Event<C, V, R> {
     Message(AclMessage<C>),
     /// The store answers, or reports a change of what is watched.
     Store {
-        /// A reply of the store, or a change of a watched entry.
+        /// The ticket of the request that is answered.
         ticket: Ticket,
         /// The reply. A watch has many.
         reply: StoreReply<V>,

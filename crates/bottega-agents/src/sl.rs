@@ -65,7 +65,7 @@ impl Term {
         }
     }
 
-    /// Returns the arguments if this is a call of `head`, compared without case.
+    /// Returns the arguments of `(head argument …)`, with the head compared without case; `None` for other terms.
     pub fn arguments_of(&self, head: &str) -> Option<&[Term]> {
         self.as_call().filter(|(found, _)| found.eq_ignore_ascii_case(head)).map(|(_, arguments)| arguments)
     }
@@ -156,7 +156,7 @@ fn is_word_of_sl(text: &str) -> bool {
         && text.bytes().all(|byte| byte > b' ' && !matches!(byte, b'(' | b')' | b'"'))
 }
 
-/// Formats a content, so that it parses to the same terms.
+/// Returns a content as text, which parses to the same terms.
 pub fn print(terms: &[Term]) -> String {
     let mut out = "(".to_owned();
     for (index, term) in terms.iter().enumerate() {
@@ -169,7 +169,7 @@ pub fn print(terms: &[Term]) -> String {
     out
 }
 
-/// Formats one term.
+/// Returns one term as text, which parses to the same term.
 pub fn print_term(term: &Term) -> String {
     let mut out = String::new();
     push(&mut out, term);

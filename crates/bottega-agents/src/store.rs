@@ -100,7 +100,7 @@ impl<V> StoreRequest<V> {
     }
 }
 
-/// A reply of the store.
+/// A reply of the store to a request, or a report of a watch.
 #[derive(Clone, Debug, PartialEq)]
 pub enum StoreReply<V> {
     /// The requested entry, if it exists.
@@ -197,7 +197,7 @@ impl<V> Folder<V> {
     }
 }
 
-/// A reply and its receiver.
+/// A reply of the store, with its receiver.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AddressedStore<V, W> {
     /// The watcher or requester that gets the reply.

@@ -2,7 +2,7 @@
 
 use std::io;
 
-/// An error that connects to a board, or uses it.
+/// An error in connecting to a board, using it, or serving one.
 #[derive(Debug, thiserror::Error)]
 pub enum BoardError {
     /// The text is not an address of a board.

@@ -44,10 +44,10 @@ impl BoardAddress {
         name.starts_with("tcp://")
     }
 
-    /// Parses an address.
+    /// Parses `tcp://HOST:PORT`. The host is looked up and the port checked by [`RemoteBoard::connect`] only.
     ///
     /// # Errors
-    /// The text is not an address.
+    /// The text does not start with `tcp://`, or has no colon after it.
     pub fn of(name: &str) -> Result<Self, BoardError> {
         let place = name.strip_prefix("tcp://").filter(|place| place.contains(':'));
         place.map(|place| Self(place.to_owned())).ok_or_else(|| BoardError::Address(name.to_owned()))
@@ -104,28 +104,29 @@ struct SentPacket {
 }
 
 impl RemoteBoard {
-    /// Connects to a board and measures the cable.
+    /// Connects to a board, and measures latency and bandwidth of the connection. Blocks meanwhile.
     ///
     /// - `build`: the build of this program; the board's must be the same.
     ///
     /// # Errors
-    /// The board cannot be reached, or is not a board of this build.
+    /// The board cannot be reached, the connection breaks, the peer is not a board of this build, or a thread cannot be
+    /// started.
     pub fn connect(address: BoardAddress, build: &str) -> Result<Self, BoardError> {
         let (connection, greeting, link) = BoardLink::open(&address, build)?;
         Ok(Self { address, build: build.to_owned(), greeting, link, connection: Some(connection) })
     }
 
-    /// Records the size of a scene in a board's memory, for the allocator.
+    /// Records in `scene` the number of bytes that its shapes take in the memory of a board, for the allocator.
     pub fn tell_bytes(scene: &PreparedScene) {
         scene.note_device_bytes(shapes_to_bytes(&SceneGeometry::of(scene.scene())).len() as u64);
     }
 
-    /// Returns the measured link.
+    /// Returns the latency and the bandwidth of the connection, as measured by [`Self::connect`].
     pub fn link(&self) -> Link {
         self.link
     }
 
-    /// Returns the board's number of threads.
+    /// Returns the number of threads on which the board traces rays.
     pub fn threads(&self) -> u64 {
         self.greeting.threads
     }

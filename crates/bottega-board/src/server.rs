@@ -28,7 +28,7 @@ const FRAMES_AHEAD: usize = 4;
 /// If the reader was busy for longer than this, the arrival time of the next bytes is unknown.
 const PROMPT: Duration = Duration::from_millis(1);
 
-/// The options of a board.
+/// The options of a board: its threads, limits and build.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoardOptions {
     /// Number of threads that trace rays.
@@ -41,7 +41,7 @@ pub struct BoardOptions {
     pub build: String,
 }
 
-/// A board that listens for connections.
+/// A board that listens for connections, and traces rays for the clients.
 #[derive(Debug)]
 pub struct BoardServer {
     listener: TcpListener,
@@ -49,7 +49,7 @@ pub struct BoardServer {
 }
 
 impl BoardServer {
-    /// Starts to listen.
+    /// Starts to listen on an address; port 0 lets the system choose one. [`Self::serve`] accepts the connections.
     ///
     /// # Errors
     /// The address cannot be listened on.
@@ -59,7 +59,7 @@ impl BoardServer {
         Ok(Self { listener, options })
     }
 
-    /// Returns the address on which the board listens.
+    /// Returns the address on which the board listens, with its actual port.
     ///
     /// # Errors
     /// The system does not report the address.

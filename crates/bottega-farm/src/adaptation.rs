@@ -29,12 +29,12 @@ impl RelativePower {
         self.0
     }
 
-    /// Converts a time on this machine to reference-machine time.
+    /// Returns the reference-machine time of a time on this machine: own time / V_cp.
     pub fn to_reference(self, own: Duration) -> Duration {
         scaled(own, 1.0 / self.0)
     }
 
-    /// Converts reference-machine time to time on this machine.
+    /// Returns the time on this machine of a reference-machine time: reference time · V_cp.
     pub fn to_own(self, reference: Duration) -> Duration {
         scaled(reference, self.0)
     }
@@ -65,7 +65,9 @@ pub struct Adaptation {
 }
 
 impl Adaptation {
-    /// Starts from the result of the benchmark.
+    /// Makes the estimate of an agent before its first zone.
+    ///
+    /// - `benchmark`: V_cp by the agent's benchmark, from which it starts.
     pub fn new(rule: AdaptationRule, benchmark: RelativePower) -> Self {
         Self { rule, power: benchmark, ratios: VecDeque::from([benchmark.get()]) }
     }

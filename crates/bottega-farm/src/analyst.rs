@@ -20,7 +20,7 @@ const SURVEY_CELL_SIDE_MIN: u32 = 4;
 /// Time without a reply after which the Analyst repeats its requests to the store.
 const RETRY_AFTER: Duration = Duration::from_secs(3);
 
-/// The configuration of an Analyst.
+/// The configuration of an Analyst: the work, and how to cut its picture.
 #[derive(Clone, Debug)]
 pub struct AnalystConfig {
     /// The Analyst's own id.
@@ -70,11 +70,16 @@ pub struct Analysis {
     pub outlook: Arc<PictureOutlook>,
 }
 
-/// Analyzes a picture: makes the importance map, cuts the zones and predicts their times.
+/// Analyzes a picture: makes the importance map, cuts the zones and predicts their times. Returns all of these, with
+/// the rows for the Blackboard.
 ///
 /// - `survey`: covers the whole picture.
 /// - `knowledge`: affects T_est only, not zones and complexities.
 /// - `trusts_forecasts`: zones whose T_est is known well by it are not profiled.
+///
+/// # Errors
+/// The survey has no cells, too many, or another number of pixels than cells; or the frame is empty or not within the
+/// picture.
 pub fn analyze(
     work: WorkId,
     settings: &WorkSettings,
@@ -130,7 +135,7 @@ pub struct Analyst {
 }
 
 impl Analyst {
-    /// Makes a new Analyst.
+    /// Makes an Analyst that has not started.
     pub fn new(config: AnalystConfig) -> Self {
         let registrant = config.registration.clone();
         let registrant = registrant.map(|place| Box::new(Registrant::new(config.id.clone(), place, &ANALYST_SERVICES)));

@@ -31,10 +31,11 @@ pub(crate) const BIDDERS_MAX: usize = 16;
 /// hands, so that agents of a small society compete, too.
 pub(crate) const BIDDERS_MIN: usize = 4;
 
-/// Decides one round. Each zone has at most one winner. A bidder wins at most as many zones as it has room for, and
-/// only zones that it bid for.
+/// Decides one round, and returns the awards. Each zone has at most one winner. A bidder wins at most as many zones as
+/// it has room for, and only zones that it bid for.
 ///
 /// - `offers`: the zones on offer, largest first.
+/// - `standing`: the loads of all agents and the open work, at the end of the round.
 pub fn decide(rule: AuctionRule, offers: &[Offer], bidders: Vec<Bidder>, standing: &BidderStanding<'_>) -> Decision {
     let by_time = |bidders: Vec<Bidder>, weighs: bool| {
         // Divide promised times by the bidder's reliability, if it is weighed

@@ -43,7 +43,7 @@ pub struct InputRanges {
 }
 
 impl InputRanges {
-    /// Makes the ranges of these zones.
+    /// Makes the ranges of the values of these zones; all are 0..=0 without zones.
     pub fn of<R: std::borrow::Borrow<ZoneRow>>(rows: impl IntoIterator<Item = R>) -> Self {
         let mut ranges = [None; 3];
         for row in rows {
@@ -74,7 +74,7 @@ pub struct WorkRow {
     pub features: TaskFeatures,
 }
 
-/// The row of an agent.
+/// The row of an agent on the Blackboard: its speed and its record.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AgentRow {
     /// The name of the agent.
@@ -192,7 +192,7 @@ impl Blackboard {
         self.agents.get(agent).map(|row| &**row)
     }
 
-    /// Returns the latest known revision of a zone's row.
+    /// Returns the latest known revision of a zone's row; [`Revision::ABSENT`]: there is no such zone.
     pub fn revision(&self, zone: ZoneId) -> Revision {
         self.zones.get(zone.0).map_or(Revision::ABSENT, |(revision, _)| *revision)
     }

@@ -42,8 +42,10 @@ impl BandedZone {
 
 /// Returns the masks of all zones, in order of their ids.
 ///
-/// - `bands`: one entry per zone, in order of ids: the widths of the bands beyond its edges, in pixels. Panics if there
-///   are more or fewer.
+/// - `bands`: one entry per zone, in order of ids: the widths of the bands beyond its edges, in pixels.
+///
+/// # Panics
+/// If there are more or fewer entries than zones.
 pub fn masks(partition: &Partition, bands: &[Sides<u32>]) -> Vec<Mask> {
     let (zones, frame) = (partition.zones(), partition.frame());
     assert_eq!(zones.len(), bands.len(), "one band for each zone");
@@ -74,11 +76,17 @@ pub struct Mask {
 
 impl Mask {
     /// Makes the mask of a zone without a band, where its neighbors have none either.
+    ///
+    /// - `rect`: the pixels of the zone.
+    /// - `frame`: the pixels of the picture to paint.
     pub fn without_band(rect: Rect, frame: Rect) -> Self {
         Self { frame, zone: BandedZone::new(rect, Sides::all(0), &frame), overlapping: Vec::new() }
     }
 
-    /// Makes the mask of `zone`. `others`: all zones that may overlap it, including itself, in order of their ids.
+    /// Makes the mask of a zone with a band.
+    ///
+    /// - `frame`: the pixels of the picture to paint; at its edges the mask does not fade.
+    /// - `others`: all zones that may overlap `zone`, including itself, in order of their ids.
     pub fn new(frame: Rect, zone: BandedZone, mut others: Vec<BandedZone>) -> Self {
         others.retain(|other| other.grown.intersection(&zone.grown).is_some());
         if others.iter().all(|other| *other == zone) {

@@ -23,7 +23,7 @@ pub mod protocol {
     pub const SUBSCRIBE: &str = "fipa-subscribe";
 }
 
-/// A zone on offer.
+/// A zone on offer in a round of the auction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Offer {
     /// The id of the zone.
@@ -56,7 +56,7 @@ pub struct Order {
     pub decides: bool,
 }
 
-/// The result of an order.
+/// The report of an agent on an order: the painting, or the error.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
     /// The id of the zone.
@@ -102,7 +102,7 @@ pub enum LifeCycle {
     Terminate,
 }
 
-/// The content of a message.
+/// The content of a message between agents of the farm.
 #[derive(Clone, Debug, PartialEq)]
 pub enum FarmContent {
     /// *subscribe*: an agent registers, with the results of its benchmark.
@@ -196,7 +196,7 @@ pub enum FarmContent {
     Management(Arc<ManagementContent>),
 }
 
-/// A message of the farm.
+/// A message between agents of the farm.
 pub type FarmMessage = AclMessage<FarmContent>;
 
 /// Returns a message outside any conversation.

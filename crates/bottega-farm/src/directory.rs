@@ -27,15 +27,15 @@ pub const JOB_OWNERSHIP: &str = "bottega-job";
 
 /// The service types of a job's agents in the yellow pages.
 pub mod service_type {
-    /// The Master: zones by auction, for Render Agents that speak the ontology `bottega-farm`.
+    /// The service type of a Master: zones by auction, for Render Agents that speak the ontology `bottega-farm`.
     pub const MASTER: &str = "bottega-job-master";
-    /// The Analyst: the importance map and the zones.
+    /// The service type of an Analyst: the importance map and the zones.
     pub const ANALYST: &str = "bottega-job-analyst";
-    /// The Blackboard: the rows of the zones.
+    /// The service type of a Blackboard: the rows of the zones.
     pub const BLACKBOARD: &str = "bottega-job-blackboard";
-    /// The Model Repository: the scene.
+    /// The service type of a Model Repository: the scene.
     pub const MODEL_REPOSITORY: &str = "bottega-job-model-repository";
-    /// A Render Agent: painting of zones.
+    /// The service type of a Render Agent: painting of zones.
     pub const RENDER_AGENT: &str = "bottega-job-render-agent";
     /// Common prefix of all service types.
     pub(super) const PREFIX: &str = "bottega-job-";
@@ -113,7 +113,9 @@ pub struct RegistrationConfig {
 }
 
 impl RegistrationConfig {
-    /// Makes the registration for a work, at this platform's services.
+    /// Makes the registration for a work, at this platform's services, without a check of the Master's machine.
+    ///
+    /// - `job`: the number of the work's job; `None`: it has none.
     pub fn new(work: WorkId, job: Option<u32>) -> Self {
         let [start, ..] = directory_service_names();
         Self { start, work, job, master_home: None }

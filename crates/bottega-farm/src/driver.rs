@@ -45,7 +45,7 @@ use self::{
 };
 use crate::{FarmCompletion, Forecast, Goal, JobLesson, JournalContents, Times, WorkRow, ZoneId, ZoneRow, ZoneStore};
 
-/// The report of a job.
+/// The report of a job that has ended: its picture, rows and times.
 #[derive(Debug)]
 pub struct JobReport {
     /// The picture, possibly incomplete.
@@ -81,13 +81,19 @@ impl JobReport {
     }
 }
 
-/// Runs a job to its end, or until `stop` is requested.
+/// Runs a job to its end, or until `stop` is requested, and returns its picture and rows. Blocks meanwhile.
 ///
-/// - `store`: the store of the job's progress; none: it is not stored.
+/// - `engine`: renders the zones.
+/// - `observer`: is informed of the progress.
+/// - `store`: the store of the job's progress; `None`: it is not stored.
 /// - `kept`: the progress of an earlier run of the same job, which this run continues.
 ///
 /// With optimization off, each pixel is bit-identical for any number of agents, any level of partition and any
 /// interruption, if the engine is [`exact_by_pixel`](bottega_engines::EngineDescription::exact_by_pixel).
+///
+/// # Errors
+/// The settings are invalid, [`JobSettings::verify`] is above 1, `kept` has other settings, the engine cannot survey or
+/// prepare the scene, or a thread cannot be started.
 pub fn run(
     settings: &JobSettings,
     engine: Arc<dyn RenderEngine>,
@@ -99,10 +105,14 @@ pub fn run(
     lead(settings, engine, observer, stop, store, kept, None)
 }
 
-/// Leads a job like [`run`], together with the other machines on `link`, if it is given: their agents join by [`assist`].
+/// Leads a job together with the other machines on `link`, if it is given: their agents join by [`assist`]. The other
+/// parameters and the result are those of [`run`].
 ///
-/// If another process has led the job before, this one continues from the Blackboard. Once the picture is stored, clear the
-/// Blackboard: [`Link::forget`].
+/// If another process has led the job before, this one continues from the Blackboard. Once the picture is stored, clear
+/// the Blackboard: [`Link::forget`].
+///
+/// # Errors
+/// As for [`run`]; but [`JobSettings::verify`] may be above 1 with a link.
 pub fn lead(
     settings: &JobSettings,
     engine: Arc<dyn RenderEngine>,

@@ -26,7 +26,7 @@ impl EngineChoice {
     /// The built-in rules, as FCL text.
     pub const RULES: &str = include_str!("../../../rules/engine-choice.fcl");
 
-    /// Uses parsed rules.
+    /// Makes a choice of engines by parsed rules.
     ///
     /// # Errors
     /// The rules have an unknown input, or no output `leaning`.

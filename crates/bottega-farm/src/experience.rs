@@ -81,7 +81,7 @@ struct LearntTechnique {
     job: u64,
 }
 
-/// A measured zone that was painted as a whole.
+/// A measured zone of a finished job, which was painted as a whole.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaintedZone {
     /// The survey's prediction for the zone.
@@ -121,7 +121,7 @@ impl JobLesson {
     }
 }
 
-/// A learned factor, for display.
+/// A learned factor on times or on V_cp, for display.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LearntFactor {
     /// `time`: a factor on the time predicted by the survey, for a technique; `picture`: a further one for a picture that was
@@ -139,7 +139,7 @@ pub struct LearntFactor {
     pub age: u64,
 }
 
-/// An error in the text of an experience.
+/// An error in reading the text of an experience.
 #[derive(Debug, thiserror::Error)]
 pub enum ExperienceError {
     /// The text is longer than the maximum.
@@ -345,7 +345,7 @@ impl Experience {
         of_power.chain(of_technique).chain(of_picture).collect()
     }
 
-    /// Returns the experience as JSON.
+    /// Returns the experience as JSON, which [`Self::from_json`] reads.
     pub fn to_json(&self) -> String {
         let Self { jobs, techniques, pictures, powers } = self.clone();
         serde_json::to_string(&ExperienceText { format: FORMAT, jobs, techniques, pictures, powers })

@@ -73,7 +73,8 @@ impl Expert {
         Self::new(FunctionBlock::parse(text)?)
     }
 
-    /// Uses parsed rules for path tracing. Outputs unknown there are ignored, see [`Self::ignored_outputs`].
+    /// Makes the rules of an agent for path tracing from parsed ones. Unknown outputs are ignored, see
+    /// [`Self::ignored_outputs`].
     ///
     /// # Errors
     /// An unknown input, or no known output.
@@ -120,7 +121,7 @@ impl Expert {
         Self { has_max_depth, has_light_samples, is_profiled, ..self }
     }
 
-    /// Returns the Expert with rules that choose between two engines.
+    /// Returns the Expert with rules that choose between two engines; `None`: it prefers neither.
     #[must_use]
     pub fn choosing(self, engine_choice: Option<EngineChoice>) -> Self {
         Self { engine_choice, ..self }
@@ -147,7 +148,10 @@ impl Expert {
         })
     }
 
-    /// Like [`Self::decide`], but returns the error if the rules cannot be evaluated.
+    /// Returns the settings for a zone as [`Self::decide`] does, or the error if the rules cannot be evaluated.
+    ///
+    /// # Errors
+    /// The rules do not fit the ranges of the work, or cannot be evaluated.
     pub fn try_decide(&self, work: &WorkRow, zone: &ZoneRow) -> Result<Choice, ExpertError> {
         // With the user's settings zones agree bit for bit, so there is nothing to blend.
         let Some(level) = work.settings.optimization.rule_input() else {
@@ -212,8 +216,8 @@ impl Expert {
         Some(format!("{}: {}", rules.name(), reasons.collect::<Vec<_>>().join(", ")).into())
     }
 
-    /// Returns the number of samples of a zone's first painting: those of profiling, or all of them if the engine is
-    /// not profiled; then the zone's time is known only at its end.
+    /// Returns the number of samples per pixel of a zone's first painting: those of profiling, or all of them if the
+    /// engine is not profiled; then the zone's time is known only at its end.
     pub fn first_samples(&self, choice: &Choice, goal: &Goal) -> u32 {
         if self.is_profiled || *goal != Goal::Samples { choice.profile_samples(goal) } else { choice.samples }
     }
@@ -221,7 +225,8 @@ impl Expert {
     /// Returns the number of samples per pixel to reach next. Not more than `samples`: the zone is finished, or the
     /// Master decides.
     ///
-    /// - `unfinished`: share of its pixels whose error is too large.
+    /// - `samples`: samples per pixel reached so far.
+    /// - `unfinished`: share of the zone's pixels whose error is too large, 0..=1.
     pub fn next_samples(&self, settings: &WorkSettings, samples: u32, choice: &Choice, unfinished: f64) -> u32 {
         match settings.goal {
             Goal::Samples => choice.samples,

@@ -26,7 +26,7 @@ pub struct Foreknowledge {
     pub benchmark: RelativePower,
 }
 
-/// The predicted time of an unpainted zone.
+/// The predicted time of an unpainted zone, with its expected error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ZoneForecast {
     /// T_est, in reference-machine time.

@@ -17,7 +17,7 @@ const MORE_SAMPLES_MAX: f64 = 8.0;
 /// A zone is finished if `more_samples` is below this.
 const MORE_SAMPLES_MIN: f64 = 0.01;
 
-/// The rules in `rules/goals.fcl`.
+/// The fuzzy rules for goals of error and time; by default those in `rules/goals.fcl`.
 #[derive(Clone, Debug)]
 pub struct GoalRules(Arc<FunctionBlock>);
 
@@ -32,10 +32,11 @@ impl Default for GoalRules {
 }
 
 impl GoalRules {
-    /// Parses rules from FCL text.
+    /// Parses rules from FCL text. If they lack an output, its default counts: no more samples, and 0.75 of the
+    /// remaining time.
     ///
     /// # Errors
-    /// Invalid FCL. Missing inputs and outputs count as left at their defaults.
+    /// The text is not one valid function block of FCL.
     pub fn parse(text: &str) -> Result<Self, FclError> {
         FunctionBlock::parse(text).map(|block| Self(Arc::new(block)))
     }
@@ -49,7 +50,9 @@ impl GoalRules {
 
     /// Returns the number of samples per pixel that a zone should reach next; `samples` if it is finished.
     ///
-    /// - `error`: the estimated error; `None`: not known yet.
+    /// - `samples`, `samples_max`: samples per pixel reached so far, and their maximum.
+    /// - `error`: the estimated relative error; `None`: not known yet.
+    /// - `error_wanted`: the relative error of the goal.
     pub fn next_samples(&self, samples: u32, samples_max: u32, error: Option<f64>, error_wanted: f64) -> u32 {
         let more = match error {
             Some(error) => self.output(MORE_SAMPLES, error / error_wanted.max(1e-12), 1.0).unwrap_or(0.0),

@@ -17,6 +17,9 @@ impl ZoneId {
     }
 
     /// Makes the id of the zone at this index.
+    ///
+    /// # Panics
+    /// If the index is 2³² or more.
     pub fn of_index(index: usize) -> Self {
         Self(u32::try_from(index).expect("a partition has fewer than 2³² zones"))
     }

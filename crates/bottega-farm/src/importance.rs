@@ -120,7 +120,7 @@ pub enum ImportanceError {
     },
 }
 
-/// The importance map of one picture.
+/// The importance map of one picture: predicted cost and visual importance of each survey cell.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImportanceMap {
     /// Predicted cost per pixel; mean 1 over the frame, each at least [`COST_FLOOR`] of it.
@@ -138,7 +138,8 @@ impl ImportanceMap {
     /// Values that are not finite or not positive count as 0. A survey without any cost gives a uniform map.
     ///
     /// # Errors
-    /// The survey has no cells, too many cells, or another number of pixels than cells.
+    /// The survey has no cells, too many cells, or another number of pixels than cells; or the frame is empty or not
+    /// within `surveyed`.
     pub fn new(
         survey: &Survey,
         surveyed: Rect,
@@ -168,12 +169,14 @@ impl ImportanceMap {
     }
 
     /// Makes a uniform map, for a picture about which nothing is known: every pixel costs 1.
+    ///
+    /// - `frame`: the pixels that it covers.
     pub fn uniform(frame: Rect) -> Self {
         let even = |value: f32| Sums::new(frame, (1, 1), vec![value]);
         Self { cost: even(1.0), importance: even(0.5) }
     }
 
-    /// Columns and rows of cells.
+    /// Returns the numbers of columns and rows of cells.
     pub fn size(&self) -> (u32, u32) {
         self.cost.size()
     }
@@ -198,7 +201,10 @@ impl ImportanceMap {
     }
 
     /// Returns the predicted cost of all pixels of `rect`, in average pixels of the frame. Positive unless `rect` is
-    /// empty. Constant time. Panics if `rect` reaches beyond the survey.
+    /// empty. Constant time.
+    ///
+    /// # Panics
+    /// If `rect` reaches beyond the survey.
     pub fn complexity(&self, rect: &Rect) -> f64 {
         if rect.is_empty() {
             return 0.0;
@@ -207,13 +213,19 @@ impl ImportanceMap {
         self.cost.integral(rect).max(rect.area() as f64 * COST_FLOOR * 1e-3)
     }
 
-    /// Returns the predicted cost per pixel of `rect`: the paper's complexity/size ratio.
+    /// Returns the predicted cost per pixel of `rect`, in average pixels of the frame: the paper's complexity/size
+    /// ratio. 0 if `rect` is empty.
+    ///
+    /// # Panics
+    /// If `rect` reaches beyond the survey.
     pub fn complexity_density(&self, rect: &Rect) -> f64 {
         if rect.is_empty() { 0.0 } else { self.complexity(rect) / rect.area() as f64 }
     }
 
-    /// Returns the mean visual importance of the pixels of `rect`, 0..=1; 0 if it is empty. Constant time. Panics if
-    /// `rect` reaches beyond the survey.
+    /// Returns the mean visual importance of the pixels of `rect`, 0..=1; 0 if it is empty. Constant time.
+    ///
+    /// # Panics
+    /// If `rect` reaches beyond the survey.
     pub fn importance_of(&self, rect: &Rect) -> f64 {
         if rect.is_empty() { 0.0 } else { (self.importance.integral(rect) / rect.area() as f64).clamp(0.0, 1.0) }
     }

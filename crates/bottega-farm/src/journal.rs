@@ -38,7 +38,7 @@ pub trait ZoneStore: Send {
     fn put_zone(&mut self, row: &ZoneRow, tile: Option<&Tile>) -> io::Result<()>;
 }
 
-/// A writer of journals.
+/// A writer of journals, which stores the progress of one work.
 #[derive(Debug)]
 pub struct JournalWriter<W: Write> {
     to: W,
@@ -60,7 +60,8 @@ impl<W: Write + Send> JournalWriter<W> {
         Ok(journal)
     }
 
-    /// Continues the journal that ends at the writer's position: cut the file to [`Journal::sound_bytes`] first.
+    /// Makes a writer that continues the journal that ends at the position of `to`: cut the file to
+    /// [`Journal::sound_bytes`] first.
     pub fn append(to: W) -> Self {
         Self { to, payload: Vec::new() }
     }
@@ -136,7 +137,7 @@ impl Journal {
     /// Reads a journal up to the first damaged record: see [`Journal::sound_bytes`].
     ///
     /// # Errors
-    /// Reading failed, or the file is not a journal.
+    /// Reading failed, or the file is not a journal of this version that begins with a name.
     pub fn read(mut from: impl Read) -> Result<Self, JournalError> {
         let mut magic = [0; MAGIC.len()];
         if !fill(&mut from, &mut magic)? || magic != MAGIC {

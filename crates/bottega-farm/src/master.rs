@@ -93,7 +93,7 @@ impl Phase {
     }
 }
 
-/// The state machine of a Master.
+/// The state machine of a Master, which assigns the zones of one work and has them composed.
 #[derive(Clone, Debug)]
 pub struct Master {
     phase: Phase,
@@ -117,7 +117,7 @@ pub struct Master {
 }
 
 impl Master {
-    /// Makes a new Master, which continues from what it finds on the Blackboard.
+    /// Makes a Master, which continues from what it finds on the Blackboard when it starts.
     pub fn new(config: MasterConfig) -> Self {
         let place = config.registration.clone();
         let registrant = place.map(|place| Box::new(Registrant::new(config.id.clone(), place, &MASTER_SERVICES)));

@@ -26,7 +26,10 @@ pub struct Partition {
 }
 
 impl Partition {
-    /// Cuts `frame` into zones; deterministic in the arguments. An empty frame has no zones.
+    /// Cuts `frame` into zones by the costs in `map`; deterministic in the arguments. An empty frame has no zones.
+    ///
+    /// # Panics
+    /// If the frame reaches beyond the survey of `map`.
     pub fn new(map: &ImportanceMap, frame: Rect, settings: &PartitionSettings) -> Self {
         if frame.is_empty() {
             return Self { frame, zones: Vec::new() };
@@ -72,8 +75,10 @@ impl Partition {
         Self::of_zones(self.frame, zones.filter(|zone| !zone.is_empty()).collect())
     }
 
-    /// Makes a partition of given zones. Panics if they do not cover the frame exactly once: check rectangles of
-    /// unknown origin with [`Partition::covers`] first.
+    /// Makes a partition of given zones. Check rectangles of unknown origin with [`Partition::covers`] first.
+    ///
+    /// # Panics
+    /// If the zones do not cover the frame exactly once.
     pub fn of_zones(frame: Rect, mut zones: Vec<Rect>) -> Self {
         zones.sort_unstable_by_key(|zone| (zone.y0, zone.x0));
         assert!(Self::covers(frame, &zones), "zones do not cover {frame} exactly once");
@@ -106,8 +111,11 @@ impl Partition {
         self.zones.iter().enumerate().map(|(i, &rect)| (ZoneId::of_index(i), rect))
     }
 
-    /// Returns the greatest complexity per pixel of a zone over the least: 1 if all zones have the same
-    /// complexity/size ratio, or there are none.
+    /// Returns the greatest complexity per pixel of a zone over the least: 1 if all zones have the same complexity/size
+    /// ratio, or there are none.
+    ///
+    /// # Panics
+    /// If the frame reaches beyond the survey of `map`.
     pub fn ratio_spread(&self, map: &ImportanceMap) -> f64 {
         let ratios = || self.zones.iter().map(|zone| map.complexity_density(zone));
         let (least, greatest) = (ratios().fold(f64::INFINITY, f64::min), ratios().fold(0.0, f64::max));
@@ -116,12 +124,18 @@ impl Partition {
 
     /// Returns the expected time of the longest zone over the mean: 1 is perfect balance. At level 3 at most 1.1,
     /// unless the longest zone is too small to cut or its costs are concentrated in too few pixels. 1 without zones.
+    ///
+    /// # Panics
+    /// If the frame reaches beyond the survey of `map`.
     pub fn imbalance(&self, map: &ImportanceMap) -> f64 {
         let longest = self.zones.iter().map(|zone| map.complexity(zone)).fold(0.0, f64::max);
         if self.zones.is_empty() { 1.0 } else { longest * self.zones.len() as f64 / map.complexity(&self.frame) }
     }
 
     /// Returns the [`NeighborDifference`] of each zone, by id.
+    ///
+    /// # Panics
+    /// If the frame reaches beyond the survey of `map`.
     pub fn neighbor_differences(&self, map: &ImportanceMap) -> Vec<NeighborDifference> {
         let density: Vec<f64> = self.zones.iter().map(|zone| map.complexity_density(zone)).collect();
         let index = ZoneIndex::new(self.frame, &self.zones);
@@ -143,7 +157,7 @@ impl Partition {
 }
 
 /// The paper's Neighbor Difference: the absolute difference in cost per pixel between a zone and the zones that share
-/// an edge with it, averaged by the length of the edges. 0 without neighbors.
+/// an edge with it, averaged by the length of the edges. In average pixels per pixel; 0 without neighbors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NeighborDifference {
     /// The average over all edges of the zone.

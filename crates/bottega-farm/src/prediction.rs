@@ -11,8 +11,11 @@ pub struct Prediction {
 }
 
 impl Prediction {
-    /// Compares numbers pair by pair. `None` for fewer than three pairs, for numbers that are not finite, and if all
-    /// predicted or all measured numbers are equal. Panics if the lengths differ.
+    /// Compares numbers pair by pair. Returns the agreement; `None` for fewer than three pairs, for numbers that are
+    /// not finite, and if all predicted or all measured numbers are equal.
+    ///
+    /// # Panics
+    /// If the lengths differ.
     pub fn of(predicted: &[f64], measured: &[f64]) -> Option<Self> {
         assert_eq!(predicted.len(), measured.len(), "pairs of numbers");
         let finite = predicted.iter().chain(measured).all(|value| value.is_finite());
@@ -70,7 +73,8 @@ pub struct Forecast {
 }
 
 impl Forecast {
-    /// Compares pairs of T_est and T, both in seconds. `None` without a finite pair with T > 0.
+    /// Compares pairs of T_est and T, both in seconds, without those that are not finite or have T ≤ 0. Returns the
+    /// agreement; `None`: no pair is left.
     pub fn of(pairs: &[(f64, f64)]) -> Option<Self> {
         let is_sound = |(expected, taken): &&(f64, f64)| expected.is_finite() && taken.is_finite() && *taken > 0.0;
         let (expected, taken): (Vec<f64>, Vec<f64>) = pairs.iter().filter(is_sound).copied().unzip();

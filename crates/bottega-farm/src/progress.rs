@@ -31,7 +31,7 @@ pub struct Progress {
     pub left: Option<Duration>,
 }
 
-/// Times of a job by phase.
+/// The times that a job spent in its phases.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Times {
     /// Wall time from start to end.

@@ -35,7 +35,7 @@ use crate::{
     registrant::{DirectoryEvent, MasterSource},
 };
 
-/// The configuration of a Render Agent.
+/// The configuration of a Render Agent: its Master, its rules, and what it learned before.
 #[derive(Clone, Debug)]
 pub struct RenderAgentConfig {
     /// The agent's own id.
@@ -76,7 +76,7 @@ pub struct RenderAgent {
 }
 
 impl RenderAgent {
-    /// Makes a new agent.
+    /// Makes an agent that has not started.
     pub fn new(config: RenderAgentConfig) -> Self {
         Self {
             membership: FarmMembership::new(config.id.clone(), &config.master),
@@ -91,7 +91,7 @@ impl RenderAgent {
         }
     }
 
-    /// Returns the current V_cp.
+    /// Returns the current V_cp; 1 before the benchmark is done.
     pub fn power(&self) -> RelativePower {
         self.speed.power()
     }

@@ -59,7 +59,7 @@ impl fmt::Display for Optimization {
     }
 }
 
-/// An unknown level of optimization.
+/// The error of parsing an unknown level of optimization.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown optimization level `{found}`: use off, vs, s, n, b or vb")]
 pub struct UnknownOptimization {
@@ -76,7 +76,7 @@ impl FromStr for Optimization {
     }
 }
 
-/// The use of a zone's estimated error.
+/// The use that is made of the estimated error of a zone.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum ErrorUse {
     /// None: it is not estimated.
@@ -107,7 +107,7 @@ impl Goal {
     /// Number of first samples of a zone with a goal of error or time.
     pub(crate) const FIRST_SAMPLES: u32 = 8;
 
-    /// Returns the use of the error of zones with this goal.
+    /// Returns the use that zones with this goal make of their estimated error.
     pub fn error_use(&self) -> ErrorUse {
         match *self {
             Self::Samples => ErrorUse::None,
@@ -116,7 +116,7 @@ impl Goal {
         }
     }
 
-    /// Zones and their pieces have edges at multiples of this many pixels, or at the frame's edges.
+    /// Returns the grid of edges, in pixels: zones and their pieces end at multiples of it, or at the frame's edges.
     pub(crate) fn grid(&self) -> u32 {
         if matches!(self, Self::Error(_)) { CELL_SIDE } else { 1 }
     }

@@ -4,7 +4,7 @@
 
 use bottega_fuzzy::FunctionBlock;
 
-/// A rendering technique with rules.
+/// A rendering technique for which there are rules.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Technique {
     /// Path tracing, as in the built-in engine.
@@ -81,7 +81,7 @@ impl Technique {
     /// All techniques, in the order of their declaration.
     pub const ALL: [Self; 2] = [Self::PathTracing, Self::PhotonMapping];
 
-    /// Returns the name for texts.
+    /// Returns the name in messages and errors, such as `path tracing`.
     pub fn name(self) -> &'static str {
         match self {
             Self::PathTracing => "path tracing",
@@ -113,7 +113,7 @@ impl Technique {
         }
     }
 
-    /// Returns the known outputs of some rules, and the names of unknown ones.
+    /// Returns the outputs of some rules that this technique knows, and the names of the others.
     pub fn sort_outputs(self, rules: &FunctionBlock) -> (Vec<OutputMeaning>, Vec<String>) {
         let (mut known, mut unknown) = (Vec::new(), Vec::new());
         for output in rules.outputs() {

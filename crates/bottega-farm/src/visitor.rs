@@ -96,7 +96,7 @@ pub enum VisitorReport {
     Returns,
 }
 
-/// The configuration of a visitor.
+/// The configuration of a visitor: its Master, its claimed speed, and its rules.
 #[derive(Clone, Debug)]
 pub struct VisitorConfig {
     /// The visitor's id in the farm.
@@ -115,7 +115,7 @@ pub struct VisitorConfig {
     pub timing: Timing,
 }
 
-/// The state machine of a visitor.
+/// The state machine of a visitor, which negotiates with the Master in its place.
 pub struct Visitor {
     agent: RenderAgent,
     id: AgentId,
@@ -136,7 +136,7 @@ pub struct Visitor {
 type VisitorActions = Vec<ActionOf<Visitor>>;
 
 impl Visitor {
-    /// Makes a visitor that has just come.
+    /// Makes a visitor that has not joined its Master yet.
     pub fn new(config: VisitorConfig) -> Self {
         let VisitorConfig { id, master, power, lanes, adaptation, expert, timing } = config;
         let agent = RenderAgent::new(RenderAgentConfig {

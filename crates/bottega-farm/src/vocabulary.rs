@@ -40,7 +40,7 @@ pub struct PaintOrder {
 /// time of one sample of all its pixels. Longer orders are painted in passes.
 pub const STEP_MAX: Duration = Duration::from_secs(10);
 
-/// An effect: something for the driver to do.
+/// An effect that an agent of the farm requests from its driver.
 #[derive(Clone, Debug)]
 pub enum FarmEffect {
     /// Survey the scene; answered by [`FarmCompletion::Surveyed`].
@@ -198,7 +198,7 @@ pub enum FarmCompletion {
     Stop,
 }
 
-/// The result of a paint order.
+/// The result of a paint order: the reference to the samples, their time and error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaintResult {
     /// The reference to the samples.
@@ -214,8 +214,8 @@ pub struct PaintResult {
     pub unfinished: f64,
 }
 
-/// An event of the farm.
+/// An event for an agent of the farm.
 pub type FarmEvent = Event<FarmContent, FarmValue, FarmCompletion>;
 
-/// An action of the farm.
+/// An action requested by an agent of the farm.
 pub type FarmAction = Action<FarmContent, FarmValue, FarmEffect>;

@@ -11,7 +11,7 @@ use bottega_agents::Time;
 /// Maximum time that a free worker waits while there is work, unless something is wrong.
 pub const STALLED_AFTER: Duration = Duration::from_secs(30);
 
-/// Detects that nothing starts.
+/// A detector of work that waits although workers are free.
 #[derive(Clone, Debug, Default)]
 pub struct Watchdog {
     /// Start of the current wait, and the number of moves at that time.
@@ -19,8 +19,8 @@ pub struct Watchdog {
 }
 
 impl Watchdog {
-    /// Takes in the current situation. Returns the time without a start once it reaches [`STALLED_AFTER`]; the time
-    /// then begins again.
+    /// Takes in the current situation. Returns the time without a start once it reaches [`STALLED_AFTER`], which then
+    /// begins again; else `None`.
     ///
     /// - `is_in_vain`: true if there is unassigned work and a free worker.
     /// - `moves`: a number that changes whenever work starts or ends.

@@ -41,7 +41,10 @@ impl WorkKeys {
         Key::named(&self.agents, &agent.name)
     }
 
-    /// Returns the key of any row. Panics for a page of the directories.
+    /// Returns the key of any row.
+    ///
+    /// # Panics
+    /// If the value is a page of the directories.
     pub fn of(&self, value: &FarmValue) -> Key {
         match value {
             FarmValue::Zone(row) => self.zone(row.zone),
@@ -53,6 +56,11 @@ impl WorkKeys {
 }
 
 /// Returns the request to write a row only if it still has this revision.
+///
+/// - `expected_revision`: [`Revision::ABSENT`] if the row must not exist.
+///
+/// # Panics
+/// If the value is a page of the directories.
 pub fn compare_and_set(keys: &WorkKeys, expected_revision: Revision, value: FarmValue) -> StoreRequest<FarmValue> {
     StoreRequest::CompareAndSet { key: keys.of(&value), expected_revision, value }
 }

@@ -11,7 +11,7 @@ pub(crate) const NEIGHBOR_DIFFERENCE: &str = "neighbor_difference";
 /// The input for the size in pixels.
 pub(crate) const SIZE: &str = "size";
 
-/// An error in a set of rules.
+/// The reason why a set of rules cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ExpertError {
     /// The text is not valid FCL.

@@ -154,17 +154,17 @@ impl FunctionBlock {
         &self.rule_blocks
     }
 
-    /// Returns all rules of all blocks, in order.
+    /// Returns all rules of all blocks, in the order of the text.
     pub fn rules(&self) -> impl Iterator<Item = &Rule> {
         self.rule_blocks.iter().flat_map(|block| &block.rules)
     }
 
-    /// Returns the index of an input in [`Self::inputs`], by its name without case.
+    /// Returns the index of an input in [`Self::inputs`], by its name without case. `None`: there is no such input.
     pub fn input_index(&self, name: &str) -> Option<usize> {
         self.inputs.iter().position(|input| input.name.eq_ignore_ascii_case(name))
     }
 
-    /// Returns the index of an output in [`Self::outputs`], by its name without case.
+    /// Returns the index of an output in [`Self::outputs`], by its name without case. `None`: there is no such output.
     pub fn output_index(&self, name: &str) -> Option<usize> {
         self.outputs.iter().position(|output| output.name.eq_ignore_ascii_case(name))
     }
@@ -173,8 +173,11 @@ impl FunctionBlock {
     /// max], with all terms in it (MAGarRO, section 3.4: "the partition of these variables is made by linear
     /// distribution"). If min = max, every value stands for the middle of the declared range.
     ///
+    /// - `name`: the name of the input, without case.
+    /// - `min`, `max`: the ends of the interval, in the unit of the input's values.
+    ///
     /// # Errors
-    /// The input is unknown, or the interval is not finite.
+    /// There is no such input, or the interval is invalid: an end or the width is not finite, or min > max.
     pub fn layout_inputs(&mut self, name: &str, min: f64, max: f64) -> Result<(), LayoutError> {
         let index = self.input_index(name).ok_or_else(|| LayoutError::UnknownInput(name.to_owned()))?;
         // The width must not overflow either
@@ -196,7 +199,8 @@ fn extent(terms: &[Term]) -> (f64, f64) {
 }
 
 impl InputVariable {
-    /// Returns the interval in which the terms are declared.
+    /// Returns the interval in which the terms are declared: the declared range, or else from the least to the greatest
+    /// point of the terms.
     pub fn declared_range(&self) -> (f64, f64) {
         self.range.unwrap_or_else(|| extent(&self.terms))
     }
@@ -206,21 +210,23 @@ impl InputVariable {
         self.found.unwrap_or_else(|| self.declared_range())
     }
 
-    /// Returns the degree of each of its terms at a value, 0..=1, in order.
+    /// Returns the degree of each term at a value of [`Self::interval`], 0..=1, in the order of `terms`.
     pub fn grades(&self, value: f64) -> Vec<f64> {
         let x = self.to_declared(value);
         self.terms.iter().map(|term| term.membership.degree(x)).collect()
     }
 
-    /// Maps a position in the declared range to a value of the interval found at run time. If that has no width,
-    /// returns its single value.
+    /// Maps a position in the declared range to a value of the interval found at run time, and returns it. Without such
+    /// an interval returns the position itself; if the declared range has no width, returns the lower end of the
+    /// interval.
     pub fn laid_out(&self, x: f64) -> f64 {
         let Some((min, max)) = self.found else { return x };
         let (low, high) = self.declared_range();
         if low == high { min } else { min + (x - low) / (high - low) * (max - min) }
     }
 
-    /// Maps a value to its position in the declared range.
+    /// Maps a value to its position in the declared range: the inverse of [`Self::laid_out`]. If the interval found at
+    /// run time has no width, returns the middle of the declared range.
     pub(crate) fn to_declared(&self, x: f64) -> f64 {
         let Some((min, max)) = self.found else { return x };
         let (low, high) = self.declared_range();
@@ -232,7 +238,8 @@ impl InputVariable {
 }
 
 impl OutputVariable {
-    /// Returns the interval of defuzzification.
+    /// Returns the interval of defuzzification: the declared range, or else from the least to the greatest point of the
+    /// terms.
     pub fn declared_range(&self) -> (f64, f64) {
         self.range.unwrap_or_else(|| extent(&self.terms))
     }

@@ -30,7 +30,7 @@ pub enum EvaluateError {
     },
 }
 
-/// The values of all outputs.
+/// The values of all outputs of a function block, by one evaluation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outputs {
     names: Vec<String>,
@@ -44,12 +44,14 @@ impl Outputs {
         self.values[self.names.iter().position(|output| output.eq_ignore_ascii_case(name))?]
     }
 
-    /// Returns the values in the order of [`FunctionBlock::outputs`].
+    /// Returns the values in the order of [`FunctionBlock::outputs`]. `None`: no rule on the output fired, and it has
+    /// no default.
     pub fn values(&self) -> &[Option<f64>] {
         &self.values
     }
 
-    /// Fills outputs without a value from an earlier evaluation: the meaning of `DEFAULT := NC`, no change.
+    /// Returns these outputs, in which those without a value keep that of an earlier evaluation of the same block: the
+    /// meaning of `DEFAULT := NC`, no change.
     #[must_use]
     pub fn or_unchanged(mut self, before: &Self) -> Self {
         for (value, before) in self.values.iter_mut().zip(&before.values) {
@@ -70,7 +72,7 @@ pub struct FiredRule {
     pub conclusions: Vec<String>,
 }
 
-/// An explanation of the outputs.
+/// An explanation of an evaluation: the degrees of terms and rules that led to the outputs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Explanation {
     /// For each input its name, and its terms with degrees above 0.
@@ -84,8 +86,11 @@ pub struct Explanation {
 }
 
 impl FunctionBlock {
-    /// Evaluates the rules. Every input needs a value; the order does not matter. Values outside the range have the
-    /// degrees of the terms' shoulders. Evaluations are independent, see [`Outputs::or_unchanged`].
+    /// Evaluates the rules and returns the values of all outputs. Values outside the range have the degrees of the
+    /// terms' shoulders. Evaluations are independent, see [`Outputs::or_unchanged`].
+    ///
+    /// - `inputs`: each input's name, without case, and its value, in any order. Of several values of one input the
+    ///   last counts.
     ///
     /// # Errors
     /// An input is unknown, missing or NaN.
@@ -93,7 +98,8 @@ impl FunctionBlock {
         self.evaluate_indexed(&self.in_order(inputs)?)
     }
 
-    /// Like [`Self::evaluate`], with the values in the order of [`FunctionBlock::inputs`].
+    /// Like [`Self::evaluate`], with the values in the order of [`FunctionBlock::inputs`]. Returns the values of all
+    /// outputs.
     ///
     /// # Errors
     /// The number of values is wrong, or a value is NaN.
@@ -102,7 +108,8 @@ impl FunctionBlock {
         Ok(self.outputs_of(&self.degrees(&grades)))
     }
 
-    /// Evaluates the rules, and returns those that fired with their degrees.
+    /// Evaluates the rules as [`Self::evaluate`] does. Returns the outputs with the degrees of the inputs' terms, the
+    /// rules that fired, and the aggregate for each output.
     ///
     /// # Errors
     /// As for [`Self::evaluate`].

@@ -1,6 +1,6 @@
 //! Limits on FCL texts.
 
-/// Limits on FCL texts.
+/// Limits on FCL texts; the parser rejects a text that exceeds one.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits;
 

@@ -1,6 +1,6 @@
 //! Membership functions.
 
-/// The membership function of a term.
+/// The membership function of a term: the degree to which each number belongs to it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Membership {
     /// 1 at a single point, 0 elsewhere.
@@ -11,7 +11,7 @@ pub enum Membership {
 }
 
 impl Membership {
-    /// Returns the degree at `x`, 0..=1.
+    /// Returns the degree to which `x` belongs to the term, 0..=1.
     pub fn degree(&self, x: f64) -> f64 {
         match self {
             Self::Singleton(at) => f64::from(u8::from(x == *at)),

@@ -64,7 +64,7 @@ pub enum Method {
 }
 
 impl And {
-    /// Combines two degrees, each 0..=1, by the conjunction.
+    /// Returns the conjunction of two degrees; all are 0..=1.
     pub fn join(self, a: f64, b: f64) -> f64 {
         match self {
             Self::Min => a.min(b),
@@ -84,7 +84,7 @@ impl And {
 }
 
 impl Or {
-    /// Combines two degrees, each 0..=1, by the disjunction.
+    /// Returns the disjunction of two degrees; all are 0..=1.
     pub fn join(self, a: f64, b: f64) -> f64 {
         match self {
             Self::Max => a.max(b),

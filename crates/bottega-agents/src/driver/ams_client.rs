@@ -17,8 +17,13 @@ use crate::{
 /// Timeout for the store.
 const WAIT: Duration = Duration::from_secs(10);
 
-/// Has an AMS over these pages execute a function in the name of the platform, which may change all entries. The AMS of
-/// an agent's process then sends the agent the requests in its entry. `None`: the store does not answer.
+/// Executes a function of a platform's AMS on its pages, with the right to change all entries. Returns the answer;
+/// `None`: there was none within 20 seconds, for example because the store does not answer. Blocks meanwhile.
+///
+/// A request to an agent, such as to quit, is written into its entry; the AMS of the agent's process then sends it.
+///
+/// - `pages`: the store with the entries of the platform.
+/// - `platform`: the name of the platform.
 ///
 /// # Errors
 /// A thread cannot be started.

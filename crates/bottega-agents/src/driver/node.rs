@@ -54,10 +54,10 @@ const OTHER_WAIT: Duration = Duration::from_millis(300);
 /// Reports of the transport to the gateway.
 type GatewayReports = Reports<ChannelReport>;
 
-/// Formats a passing message as a trace line.
+/// A function that formats a passing message as a line of the trace, without line end.
 pub type TraceLine = fn(&Passage, Calendar) -> String;
 
-/// The configuration of a node.
+/// The configuration of a node: its names, its store, and the rights of other agents.
 pub struct NodeConfig {
     /// The name of the platform: the part after `@` in the names of its agents.
     pub name: String,
@@ -130,10 +130,10 @@ impl Ids {
 impl Node {
     /// Starts a platform.
     ///
-    /// - `listener`: where it is reached.
+    /// - `listener`: the socket at which other platforms reach it.
     ///
     /// # Errors
-    /// The name is invalid, or a thread cannot be started.
+    /// The name is invalid, the listener cannot be used, or a thread cannot be started.
     pub fn start(listener: TcpListener, config: NodeConfig) -> Result<Self, NodeError> {
         let fits = |byte: u8| byte.is_ascii_alphanumeric() || b"-._:".contains(&byte);
         if config.name.is_empty() || config.name.len() > 200 || !config.name.bytes().all(fits) {
@@ -170,7 +170,7 @@ impl Node {
         Ok(Self { platform, address, local, ids, is_federated, trace, end: Some(end), network: Some(network) })
     }
 
-    /// Returns the public address of this node.
+    /// Returns the public address of this node, such as `http://host:port/acc`.
     pub fn address(&self) -> &str {
         &self.address
     }
@@ -195,10 +195,11 @@ impl Node {
         &self.ids.start
     }
 
-    /// Adds an agent, which the AMS registers. It obeys the AMS.
+    /// Adds an agent, which the AMS registers. The agent obeys the life-cycle requests of the AMS; its effects are
+    /// ignored.
     ///
     /// # Errors
-    /// The name is in use.
+    /// The name was used before.
     pub fn add<M>(&self, id: &AgentId, machine: M) -> Result<(), NameTaken>
     where
         M: StateMachine<Content = PlainContent, Value = String> + Send + 'static,
@@ -209,11 +210,13 @@ impl Node {
         self.add_worldly(id, machine, |_| {}).map(drop)
     }
 
-    /// Adds an agent that handles AMS requests itself and has effects: `perform` begins them and must return quickly;
-    /// their results go through the returned channel.
+    /// Adds an agent that handles AMS requests itself and has effects. Returns the channel for the completions of its
+    /// effects.
+    ///
+    /// - `perform`: begins an effect; must return quickly.
     ///
     /// # Errors
-    /// The name is in use.
+    /// The name was used before.
     pub fn add_worldly<M>(
         &self,
         id: &AgentId,
@@ -230,11 +233,14 @@ impl Node {
         Ok(Reports::new(self.platform.add(id, fitted, Box::new(performer))?))
     }
 
-    /// Sends a request to an agent of this or another platform in the name of `from`, which must not exist here, and
-    /// returns the answer; an agree does not count. `None`: there was no answer in time.
+    /// Sends a request to an agent of this or another platform, and returns performative and content of the answer; an
+    /// agree does not count. Blocks until then. `None`: there was no answer in time.
+    ///
+    /// - `from`: the name of the sender, which must not exist here.
+    /// - `wait`: the maximum time to the answer.
     ///
     /// # Errors
-    /// The name is in use.
+    /// The name `from` was used before.
     pub fn ask(
         &self,
         from: &AgentId,
@@ -251,20 +257,20 @@ impl Node {
         Ok(hear.recv().ok())
     }
 
-    /// Sends a message in the name of an agent, which gets the answers if it exists here.
+    /// Sends a request in the name of an agent, without waiting; that agent gets the answers if it exists here.
     pub fn say(&self, from: &AgentId, to: &AgentId, content: ManagementContent) {
         let content = PlainContent::Management(content);
         let message = AclMessage::new(Performative::Request, from.clone(), to.clone(), content);
         self.platform.bus().publish(AclMessage { ontology: ONTOLOGY, protocol: "fipa-request", ..message });
     }
 
-    /// Subscribes to the trace of passing messages.
+    /// Subscribes to the trace of passing messages. The returned channel gets a line per message.
     pub fn trace(&self) -> broadcast::Receiver<Arc<str>> {
         self.trace.subscribe()
     }
 
-    /// Takes the directory out of others, if no other process of the platform needs it there; says farewell to those
-    /// processes, and ends. Takes some seconds at most.
+    /// Ends the platform's part in this process; takes some seconds at most. Deregisters the DF from other directories,
+    /// unless another process still serves the platform, and informs the platform's other processes.
     pub fn stop(self) {
         if self.is_federated && !self.is_served_elsewhere() {
             let quit = ManagementContent::LifeCycle(LifeCycleRequest::Quit);

@@ -24,7 +24,10 @@ impl Random {
         (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Returns a number uniform in 0..count. Panics if `count` is 0.
+    /// Returns a number uniform in 0..count.
+    ///
+    /// # Panics
+    /// If `count` is 0.
     pub fn below(&mut self, count: usize) -> usize {
         assert!(count > 0, "one of none");
         (self.bits() % count as u64) as usize

@@ -22,8 +22,10 @@ use crate::{
 
 /// The world of a simulation, which executes the effects of agents.
 pub trait World<M: StateMachine> {
-    /// Begins an effect of `agent`; appends its reports with their delays. Reports to an agent that crashes meanwhile
-    /// are lost.
+    /// Begins an effect of `agent`. Completions for an agent that crashes meanwhile are lost.
+    ///
+    /// - `random`: the random numbers of the simulation.
+    /// - `reports`: gets the completions of the effect, each with its delay from `now`.
     fn perform(
         &mut self,
         now: Time,
@@ -38,10 +40,12 @@ pub trait World<M: StateMachine> {
         None
     }
 
-    /// Executes the event; appends reports with their receivers.
+    /// Executes the event announced by [`Self::next_change`].
+    ///
+    /// - `_reports`: gets completions, each with the agent that receives it.
     fn change(&mut self, _now: Time, _reports: &mut Vec<(AgentId, M::Completion)>) {}
 
-    /// Notes that an agent has crashed: its effects are useless.
+    /// Notes that an agent has crashed, stopped or been removed: its effects are useless.
     fn gone(&mut self, _now: Time, _agent: &AgentId) {}
 }
 
@@ -124,8 +128,13 @@ where
         numbered.filter_map(|(index, node)| Some((NodeId(index as u32), node.as_ref()?)))
     }
 
-    /// Adds an agent, created by `make` at each start. `may_crash`: true if faults may crash it. Panics if an agent of this
-    /// name was added before and is not retired.
+    /// Adds an agent and starts it.
+    ///
+    /// - `may_crash`: true if the faults of the simulation may crash it.
+    /// - `make`: makes its machine, at each start.
+    ///
+    /// # Panics
+    /// If an agent of this name was added before and is not retired.
     pub fn add(&mut self, id: &AgentId, may_crash: bool, make: impl FnMut() -> M + 'static) {
         let node = self.network.node(id);
         assert!(self.node(node).is_none(), "an agent's name is given once");
@@ -135,22 +144,23 @@ where
         self.begin(node);
     }
 
-    /// Records a trace from now on.
+    /// Records a trace from now on, which [`Self::trace`] returns.
     pub fn record_trace(&mut self) {
         self.network.trace = Some(Vec::new());
     }
 
-    /// Returns the recorded trace: a line per message, crash, partition and similar; times in milliseconds.
+    /// Returns the recorded trace: a line per message, crash, partition and similar, with times in milliseconds. Empty
+    /// unless [`Self::record_trace`] was called.
     pub fn trace(&self) -> String {
         self.network.trace.as_ref().map_or_else(String::new, |lines| lines.join("\n"))
     }
 
-    /// Returns the current time.
+    /// Returns the current virtual time.
     pub fn now(&self) -> Time {
         self.network.now
     }
 
-    /// Returns the machine of an agent; `None` while it is down.
+    /// Returns the machine of an agent; `None`: the agent is down or unknown.
     pub fn machine(&self, id: &AgentId) -> Option<&M> {
         self.node(self.network.known(id)?)?.machine.as_ref()
     }
@@ -192,7 +202,7 @@ where
         }
     }
 
-    /// Removes an agent permanently.
+    /// Removes an agent permanently; its name may be added again.
     pub fn retire(&mut self, id: &AgentId) {
         let Some(node) = self.network.known(id) else { return };
         self.end(node, "is gone");
@@ -211,7 +221,7 @@ where
         self.world.gone(self.network.now, self.network.name(id));
     }
 
-    /// Restarts a crashed agent, without memory.
+    /// Restarts a crashed agent, without memory. Does nothing if it runs or is unknown.
     pub fn start(&mut self, id: &AgentId) {
         if let Some(node) = self.network.known(id) {
             self.begin(node);
@@ -282,7 +292,7 @@ where
         assert!(self.world.next_change().is_none_or(|next| next > at), "the world names a change again that has come");
     }
 
-    /// Runs all events up to `end`.
+    /// Runs all events up to `end`, which is the current time afterwards.
     pub fn run_until(&mut self, end: Time) {
         self.run_while(end, |_| true);
         self.network.now = self.network.now.max(end);

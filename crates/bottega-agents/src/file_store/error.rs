@@ -1,6 +1,6 @@
 //! Errors of file stores.
 
-/// An error of a file store.
+/// An error in opening, reading or writing a file store.
 #[derive(Debug, thiserror::Error)]
 pub enum FileStoreError {
     /// The file cannot be read or written.

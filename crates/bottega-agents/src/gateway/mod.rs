@@ -30,12 +30,12 @@ use crate::{
 
 /// A content type that can carry foreign messages as text.
 pub trait CarriesForeign: CarriesManagement {
-    /// Converts a foreign message. `None`: agents of this platform do not accept it, and the sender gets a
+    /// Returns a foreign message as content. `None`: agents of this platform do not accept it, and the sender gets a
     /// not-understood.
     fn from_foreign(message: WireMessage) -> Option<Self>;
 
-    /// Returns the text for a foreign agent: content, language, ontology, encoding and user-defined parameters are
-    /// taken from it; the rest from the message around it.
+    /// Returns the text for a foreign agent; `None`: the content is not foreign. Content, language, ontology, encoding
+    /// and user-defined parameters are taken from it; the rest from the message around it.
     fn foreign(&self) -> Option<&WireMessage>;
 }
 
@@ -77,7 +77,7 @@ impl CarriesForeign for PlainContent {
     }
 }
 
-/// An effect of a gateway on its transport.
+/// An effect that a gateway requests from its transport.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ChannelEffect {
     /// Send this to another platform. Failure is reported by [`ChannelReport::Failed`].
@@ -100,7 +100,7 @@ pub enum ChannelReport {
     },
 }
 
-/// The way of a message.
+/// The way of a message through the gateway.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
     /// To an agent of this platform.
@@ -128,7 +128,7 @@ impl Way {
     }
 }
 
-/// A message that passed the gateway.
+/// A message that passed the gateway, with its time, way and receiver.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Passage {
     /// The time at which the message passed.
@@ -141,7 +141,7 @@ pub struct Passage {
     pub message: Arc<WireMessage>,
 }
 
-/// The configuration of a gateway.
+/// The configuration of a gateway: the names and addresses of its platform.
 #[derive(Clone, Debug)]
 pub struct GatewayConfig {
     /// The gateway's own id.

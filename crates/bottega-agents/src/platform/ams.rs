@@ -29,7 +29,7 @@ pub const HTTP_TRANSPORT: &str = "fipa.mts.mtp.http.std";
 /// Time after which a failed write is repeated.
 const LOOK_AGAIN_AFTER: Duration = Duration::from_secs(2);
 
-/// The configuration of an AMS: its name and its platform.
+/// The configuration of an AMS: its platform, and the agents with special rights.
 #[derive(Clone, Debug)]
 pub struct AmsConfig {
     /// The AMS's own id.
@@ -101,7 +101,7 @@ impl Ams {
         }
     }
 
-    /// Returns the life-cycle state of an agent, if known.
+    /// Returns the life-cycle state of an agent; `None`: it is not in the pages, or has ended.
     pub fn state(&self, agent: &AgentId) -> Option<LifeCycleState> {
         self.agents.get(&index(agent)).filter(|entry| !entry.is_gone()).map(AmsEntry::state)
     }
@@ -443,7 +443,7 @@ impl Ams {
         }
     }
 
-    /// Returns the key of a process's entry; without the entry no agents are created there.
+    /// Returns the key of the entry of the process with this address; without the entry no agents are created there.
     pub fn node_key(address: &str) -> String {
         format!("{NODE}{address}")
     }

@@ -84,7 +84,7 @@ impl<'a> AmsPages<'a> {
     /// The common prefix of the keys of the white pages.
     pub const PREFIX: &'static str = "ams/";
 
-    /// Parses an entry; `None`: it is of another kind.
+    /// Parses an entry from its key and its text. `None`: it is neither that of an agent nor that of a process.
     pub fn read(key: &'a str, text: &str) -> Option<Self> {
         if let Some(name) = key.strip_prefix(AGENT) {
             let entry = AmsEntry::parse(text).filter(|entry| !entry.is_gone());

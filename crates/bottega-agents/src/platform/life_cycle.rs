@@ -1,6 +1,6 @@
 //! The life cycle of an agent (FIPA00023, section 5).
 
-/// A state of the life cycle.
+/// A state of the life cycle of an agent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[allow(missing_docs, reason = "the words of the standard")]
 pub enum LifeCycleState {
@@ -11,7 +11,7 @@ pub enum LifeCycleState {
     Transit,
 }
 
-/// A transition of the life cycle.
+/// A transition between two states of the life cycle of an agent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the words of the standard")]
 pub enum Transition {
@@ -28,7 +28,7 @@ impl LifeCycleState {
     /// All states, in the order of their declaration.
     pub const ALL: [Self; 5] = [Self::Initiated, Self::Active, Self::Suspended, Self::Waiting, Self::Transit];
 
-    /// Returns the standard's name.
+    /// Returns the state's name in the standard, in lower case.
     pub fn word(self) -> &'static str {
         match self {
             Self::Initiated => "initiated",
@@ -39,12 +39,12 @@ impl LifeCycleState {
         }
     }
 
-    /// Parses the standard's name, without case.
+    /// Returns the state with this name in the standard, compared without case. `None`: there is none.
     pub fn from_word(word: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|state| state.word().eq_ignore_ascii_case(word))
     }
 
-    /// Returns the transition from this state to `next`, if there is one.
+    /// Returns the transition from this state to `next`; `None`: there is none.
     pub fn transition_to(self, next: Self) -> Option<Transition> {
         match (self, next) {
             (Self::Initiated, Self::Active) => Some(Transition::Invoke),
@@ -60,13 +60,12 @@ impl LifeCycleState {
 }
 
 impl Transition {
-    /// Returns true if the agent itself may start it; the platform may start all except [`Self::Wait`] and
-    /// [`Self::Move`].
+    /// Returns true if the agent itself may start the transition.
     pub fn by_agent(self) -> bool {
         matches!(self, Self::Suspend | Self::Wait | Self::Move)
     }
 
-    /// Returns true if the platform may start it.
+    /// Returns true if the platform may start the transition.
     pub fn by_platform(self) -> bool {
         !matches!(self, Self::Wait | Self::Move)
     }

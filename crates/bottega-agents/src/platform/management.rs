@@ -12,7 +12,7 @@ pub const ONTOLOGY: &str = "fipa-agent-management";
 ///
 /// A platform whose agents also talk about other things has its own content type, of which this is a part.
 pub trait CarriesManagement: Clone + From<ManagementContent> {
-    /// Returns the management content, if it is of that kind.
+    /// Returns the management content; `None`: the content is of another kind.
     fn management(&self) -> Option<&ManagementContent>;
 }
 
@@ -56,7 +56,7 @@ pub enum ManagementContent {
     },
 }
 
-/// A function of a platform service.
+/// A function that a platform service executes on request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Function {
     /// AMS: register an agent.
@@ -90,7 +90,7 @@ pub enum Function {
     SupplyBasicService(ServiceEntry),
 }
 
-/// The outcome of a function.
+/// The outcome of a function that was executed.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
     /// Success without a result.
@@ -182,7 +182,7 @@ pub struct DfAgentDescription {
     pub scope: Vec<String>,
 }
 
-/// A service of an agent.
+/// The description of a service of an agent. In a template, absent and empty fields match anything.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ServiceDescription {
     /// The name of the service.
@@ -210,7 +210,7 @@ pub struct Property {
     pub value: Term,
 }
 
-/// The limits of a search.
+/// The limits of a search in the white or yellow pages.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SearchConstraints {
     /// Maximum number of hops to other directories; 0 or absent: this one only.
@@ -221,7 +221,7 @@ pub struct SearchConstraints {
     pub search_id: Option<String>,
 }
 
-/// The description of a platform.
+/// The description of a platform: its name, transports and services.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlatformDescription {
     /// The name of the platform: the part after `@` in the names of its agents.
@@ -259,7 +259,7 @@ pub enum NotUnderstoodReason {
     Other(Term),
 }
 
-/// The reason of a refusal.
+/// The reason why a service refuses a function.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RefuseReason {
     /// The sender is not authorized.
@@ -298,7 +298,7 @@ pub(super) fn largest(object: &'static str, sizes: &[(&'static str, usize)]) -> 
     RefuseReason::bad_value(object, largest.map_or("name", |(parameter, _)| parameter))
 }
 
-/// The reason of a failure.
+/// The reason why a function failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FailureReason {
     /// The agent is already registered.

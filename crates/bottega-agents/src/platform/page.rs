@@ -8,7 +8,7 @@ use crate::{AclMessage, AgentId, Performative, Time};
 /// Time after which a request to a directory is repeated if it failed or had no answer.
 const AGAIN_AFTER: Duration = Duration::from_secs(1);
 
-/// A request to a directory.
+/// A request to a directory, about an entry of type `T`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PageAsk<T> {
     /// Create the entry.
@@ -28,7 +28,7 @@ enum Known<T> {
     Says(T),
 }
 
-/// An entry with its wanted and its known state.
+/// An agent's entry in a directory, with its wanted and its known state.
 #[derive(Clone, Debug)]
 pub struct Page<T> {
     wanted: Option<T>,
@@ -62,7 +62,7 @@ impl<T: Clone + PartialEq> Page<T> {
         self.wanted.as_ref()
     }
 
-    /// Notes that another agent has changed or removed it.
+    /// Notes that another agent has changed the entry, or removed it (then `is_there` is false).
     pub fn changed(&mut self, is_there: bool) {
         self.known = if is_there { Known::There } else { Known::Absent };
         (self.pending, self.again) = (None, Time::ZERO);
@@ -76,7 +76,8 @@ impl<T: Clone + PartialEq> Page<T> {
         }
     }
 
-    /// Returns the request to send now, under this number, if any.
+    /// Returns the request to send at `now`; `None`: there is none. The request is open until its answer, which refers
+    /// to `number`, or until some time has passed.
     pub fn next(&mut self, now: Time, number: u64) -> Option<PageAsk<T>> {
         let renews = self.renew.is_some_and(|at| at <= now) && self.wanted.is_some();
         if now < self.again || !(self.is_due() || renews) {
@@ -92,7 +93,8 @@ impl<T: Clone + PartialEq> Page<T> {
         Some(ask)
     }
 
-    /// Handles an answer; returns the request that it completes, if any.
+    /// Handles an answer of the directory. Returns the request that it completes; `None`: the request failed, or the
+    /// message does not answer an open one.
     pub fn hear<C: CarriesManagement>(&mut self, now: Time, message: &AclMessage<C>) -> Option<PageAsk<T>> {
         let content = message.content.management()?;
         let (_, ask) = self.pending.take_if(|(number, _)| *number == message.in_reply_to)?;

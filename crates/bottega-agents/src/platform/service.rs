@@ -28,7 +28,7 @@ const OPEN_MAX: usize = 1 << 12;
 /// Maximum length of an entry's text, in bytes, unless a service sets its own.
 pub const ENTRY_BYTES_MAX: usize = 1 << 16;
 
-/// A message to or from a service.
+/// A message of agent management, to or from a service.
 pub type Said = AclMessage<ManagementContent>;
 
 /// The reason why a function has no result.
@@ -61,7 +61,7 @@ pub struct Change {
     pub text: String,
 }
 
-/// The next step of a function.
+/// The next step in the execution of a function.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
     /// The function is finished, without a change.
@@ -91,8 +91,10 @@ pub trait Functions {
     /// Takes in the current text of an entry, and its revision; empty: the entry was removed.
     fn learn(&mut self, now: Time, key: &str, revision: Revision, text: &str, todo: &mut ServiceOutbox);
 
-    /// Decides on a function requested by `request`. May be called again for the same request if the pages have changed
-    /// meanwhile.
+    /// Returns the next step of a function requested by `request`. May be called again for the same request if the
+    /// pages have changed meanwhile.
+    ///
+    /// - `todo`: gets further messages and changes.
     ///
     /// # Errors
     /// The function is refused or has failed, without any change.
@@ -107,12 +109,12 @@ pub trait Functions {
     /// Returns the refusal of a function whose entry is longer than [`Self::ENTRY_BYTES_MAX`].
     fn too_large(&self, function: &Function) -> RefuseReason;
 
-    /// Returns the entry on which the function's outcome depends, if there is a single one.
+    /// Returns the entry on which the function's outcome depends; `None`: it is not a single one.
     fn entry_of(&self, _function: &Function) -> Option<Key> {
         None
     }
 
-    /// Handles a message that is not a request. False if it is not understood.
+    /// Handles a message that is not a request. Returns false if it is not understood.
     fn hear(&mut self, _now: Time, _message: &Said, _todo: &mut ServiceOutbox) -> bool {
         false
     }
@@ -120,7 +122,10 @@ pub trait Functions {
     /// Notes that an agent arrived in this process or left it.
     fn presence(&mut self, _now: Time, _agent: &AgentId, _present: bool, _todo: &mut ServiceOutbox) {}
 
-    /// Notes that a change of its own was written, or failed because the entry had another revision.
+    /// Notes that a change of this service was written, or failed because the entry had another revision.
+    ///
+    /// - `_mark`: that of the change in [`ServiceOutbox::writes`].
+    /// - `_made`: true if it was written.
     fn settled(&mut self, _now: Time, _mark: u64, _made: bool, _todo: &mut ServiceOutbox) {}
 
     /// Does what is due. Called only when all pages are known.

@@ -50,7 +50,7 @@ pub enum TaskOutcome<C> {
     Lost,
 }
 
-/// An event for an initiator.
+/// An event for the agent that called for proposals.
 #[derive(Clone, Debug, PartialEq)]
 pub enum InitiatorEvent<C> {
     /// All proposals are in: call [`ContractNetInitiator::award`]. There may be none.
@@ -101,7 +101,8 @@ pub struct ContractNetInitiator<C> {
 }
 
 impl<C: Clone> ContractNetInitiator<C> {
-    /// Sends the call for proposals.
+    /// Begins a negotiation: appends the call for proposals to `send`. Returns the initiator, which collects the
+    /// proposals.
     pub fn call(call: Call<C>, send: &mut Vec<AclMessage<C>>) -> Self {
         let participants: BTreeMap<_, _> =
             call.participants.iter().map(|agent| (agent.clone(), Participant::Called)).collect();
@@ -126,8 +127,8 @@ impl<C: Clone> ContractNetInitiator<C> {
         &self.call
     }
 
-    /// Handles a message of this conversation. Returns the event that it causes, if any; replies are appended to `send`.
-    /// Duplicates are ignored.
+    /// Handles a message of this conversation. Returns the event that it causes; `None`: there is none, as for
+    /// duplicates. Replies are appended to `send`.
     ///
     /// # Errors
     /// The sender was not called, or the message is out of sequence; nothing has changed.
@@ -179,7 +180,7 @@ impl<C: Clone> ContractNetInitiator<C> {
         Ok(self.collected(now))
     }
 
-    /// Checks the deadlines of proposals and results.
+    /// Returns the events of deadlines reached at `now`: all proposals are in, or awarded tasks are lost.
     pub fn handle_time(&mut self, now: Time) -> Vec<InitiatorEvent<C>> {
         let mut events: Vec<_> = self.collected(now).into_iter().collect();
         if self.results_by.is_some_and(|by| by <= now) {
@@ -257,7 +258,7 @@ impl<C: Clone> ContractNetInitiator<C> {
     }
 }
 
-/// An event for a responder.
+/// An event for an agent that is called for proposals.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ResponderEvent<C> {
     /// A call: answer it by [`ContractNetResponder::propose`] or [`ContractNetResponder::refuse`] before its
@@ -300,8 +301,8 @@ impl<C: Clone> ContractNetResponder<C> {
         Self { me, open: BTreeMap::new() }
     }
 
-    /// Handles a message of the protocol. Returns the event that it causes, if any; replies are appended to `send`.
-    /// Duplicates are ignored.
+    /// Handles a message of the protocol. Returns the event that it causes; `None`: there is none, as for duplicates,
+    /// late calls, and calls beyond [`RESPONSES_MAX`]. Replies are appended to `send`.
     ///
     /// # Errors
     /// The conversation is unknown, or the message is out of sequence; nothing has changed.
@@ -358,7 +359,10 @@ impl<C: Clone> ContractNetResponder<C> {
         }
     }
 
-    /// Sends a proposal that is valid until `until`. Returns true if the call was open.
+    /// Proposes to carry out a called task: appends the proposal to `send`. Returns true if the call was open.
+    ///
+    /// - `content`: the terms of the proposal.
+    /// - `until`: the time at which a proposal without an answer expires.
     pub fn propose(
         &mut self,
         conversation: &Conversation,
@@ -373,7 +377,9 @@ impl<C: Clone> ContractNetResponder<C> {
         true
     }
 
-    /// Refuses a call. Returns true if it was open.
+    /// Refuses a call: appends the refusal to `send`. Returns true if the call was open.
+    ///
+    /// - `content`: the reason.
     pub fn refuse(&mut self, conversation: &Conversation, content: C, send: &mut Vec<AclMessage<C>>) -> bool {
         let Some(Response::Called(call)) = self.open.get(conversation) else { return false };
         send.push(call.reply(Performative::Refuse, self.me.clone(), content));
@@ -381,12 +387,16 @@ impl<C: Clone> ContractNetResponder<C> {
         true
     }
 
-    /// Reports success of an accepted task. Returns true if this agent held it.
+    /// Reports success of an accepted task: appends the report to `send`. Returns true if this agent held the task.
+    ///
+    /// - `content`: the result.
     pub fn done(&mut self, conversation: &Conversation, content: C, send: &mut Vec<AclMessage<C>>) -> bool {
         self.end(conversation, Performative::Inform, content, send)
     }
 
-    /// Reports failure of an accepted task. Returns true if this agent held it.
+    /// Reports failure of an accepted task: appends the report to `send`. Returns true if this agent held the task.
+    ///
+    /// - `content`: the reason.
     pub fn fail(&mut self, conversation: &Conversation, content: C, send: &mut Vec<AclMessage<C>>) -> bool {
         self.end(conversation, Performative::Failure, content, send)
     }
@@ -404,7 +414,7 @@ impl<C: Clone> ContractNetResponder<C> {
         true
     }
 
-    /// Drops calls not answered in time and proposals without an answer.
+    /// Drops calls not answered in time and proposals without an answer. Returns [`ResponderEvent::Expired`] for each.
     pub fn handle_time(&mut self, now: Time) -> Vec<ResponderEvent<C>> {
         let over = self.open.iter().filter(|(_, response)| response.ends_at().is_some_and(|by| by <= now));
         let over: Vec<Conversation> = over.map(|(conversation, _)| conversation.clone()).collect();

@@ -28,10 +28,10 @@ pub struct RequestInitiator {
 }
 
 impl RequestInitiator {
-    /// Sends the request.
+    /// Appends the request to `send`. Returns its initiator, which waits for the answer.
     ///
     /// # Panics
-    /// Unless it has exactly one receiver, a conversation id and a `reply_by`.
+    /// Unless it has exactly one receiver and a `reply_by`.
     pub fn request<C>(request: AclMessage<C>, send: &mut Vec<AclMessage<C>>) -> Self {
         let [participant] = &request.receivers[..] else { panic!("a request has one receiver") };
         let deadline = request.reply_by;
@@ -77,7 +77,8 @@ impl RequestInitiator {
         Ok(Some(answer))
     }
 
-    /// Returns [`Answer::Silence`] if the deadline has passed without an answer.
+    /// Returns [`Answer::Silence`] if the deadline has passed without an answer, which ends the conversation; else
+    /// `None`.
     pub fn handle_time<C>(&mut self, now: Time) -> Option<Answer<C>> {
         self.deadline.take_if(|by| *by <= now).map(|_| Answer::Silence)
     }

@@ -13,7 +13,7 @@ pub const SUBSCRIBERS_MAX: usize = 4096;
 #[error("there are {SUBSCRIBERS_MAX} subscribers already")]
 pub struct TooManySubscribers;
 
-/// An event for the publisher.
+/// An event for the agent that publishes.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PublisherEvent<C> {
     /// A subscription to what the content names. Accept it by [`Subscriptions::accept`], or refuse it.
@@ -35,7 +35,8 @@ impl<C: Clone> Subscriptions<C> {
         Self { me, subscribers: BTreeMap::new() }
     }
 
-    /// Handles a message of the protocol.
+    /// Handles a message of the protocol. Returns the event that it causes; the confirmation of a cancel is appended to
+    /// `send`.
     ///
     /// # Errors
     /// The message is neither subscribe nor cancel, or cancels an unknown subscription.
@@ -77,7 +78,7 @@ impl<C: Clone> Subscriptions<C> {
         }
     }
 
-    /// Removes an agent that is gone.
+    /// Removes all subscriptions of an agent that is gone.
     pub fn forget(&mut self, agent: &AgentId) {
         self.subscribers.retain(|(subscriber, _), _| subscriber != agent);
     }

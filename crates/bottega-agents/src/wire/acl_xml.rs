@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{AgentId, Performative};
 
-/// Parses a message.
+/// Parses a message in the XML representation.
 ///
 /// # Errors
 /// Not well-formed XML, a document type or entity, not a message, or a limit exceeded.
@@ -133,7 +133,7 @@ fn addresses_of(agent: &XmlElement) -> Result<Vec<String>, WireError> {
     Ok(addresses)
 }
 
-/// Formats a message according to the document type of FIPA00071. It parses to the same message.
+/// Returns a message as XML of the document type of FIPA00071, which parses to the same message.
 ///
 /// # Errors
 /// A text contains characters that XML cannot represent.

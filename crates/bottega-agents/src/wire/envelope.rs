@@ -157,8 +157,8 @@ fn parse_stamp(element: &XmlElement) -> Result<Received, WireError> {
     })
 }
 
-/// Formats an envelope according to the document type of FIPA00085: one `params` of the sender, one per stamp. It
-/// parses to the same envelope if names, addresses and stamps have no blanks at their ends.
+/// Returns an envelope as XML of the document type of FIPA00085: one `params` of the sender, one per stamp. It parses
+/// to the same envelope if names, addresses and stamps have no blanks at their ends.
 ///
 /// # Errors
 /// A text contains characters that XML cannot represent.

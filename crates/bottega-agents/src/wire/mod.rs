@@ -27,7 +27,7 @@ pub const STRING_FORM: &str = "fipa.acl.rep.string.std";
 /// The name of the XML form in envelopes (FIPA00071).
 pub const XML_FORM: &str = "fipa.acl.rep.xml.std";
 
-/// A representation of messages.
+/// A representation of messages as text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Form {
     /// The string representation: every platform reads it.
@@ -46,7 +46,7 @@ impl Form {
         }
     }
 
-    /// Returns the representation with this name, if supported.
+    /// Returns the representation with this name in envelopes, compared without case; `None`: it is unsupported.
     pub fn of_name(name: &str) -> Option<Self> {
         [Self::String, Self::Xml].into_iter().find(|form| form.name().eq_ignore_ascii_case(name))
     }
@@ -95,7 +95,7 @@ pub struct WireMessage {
 }
 
 impl WireMessage {
-    /// Makes an empty message.
+    /// Makes a message with this performative, without sender, receivers and content.
     pub fn new(performative: Performative) -> Self {
         Self {
             performative,

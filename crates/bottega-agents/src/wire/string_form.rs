@@ -8,13 +8,13 @@ use super::{
 };
 use crate::{AgentId, Performative};
 
-/// Parses a message.
+/// Parses a message in the string representation.
 ///
 /// Unknown parameters and resolvers of identifiers are ignored; all parameters except user-defined ones may occur only
 /// once.
 ///
 /// # Errors
-/// A syntax error, or a limit exceeded.
+/// A syntax error, an unknown performative, an invalid value, a parameter given twice, or a limit exceeded.
 pub fn parse_string(text: &str) -> Result<WireMessage, WireError> {
     let mut reader = TextReader::new(text)?;
     reader.open()?;
@@ -252,7 +252,7 @@ impl<'a> TextReader<'a> {
     }
 }
 
-/// Formats a message. It parses to the same message.
+/// Returns a message in the string representation, which parses to the same message.
 ///
 /// # Errors
 /// The name of a user-defined parameter is not `X-` and a word.

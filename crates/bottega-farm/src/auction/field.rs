@@ -179,7 +179,7 @@ impl Field {
     ///
     /// Agents that are busy beyond that time cannot help before it and are left out.
     ///
-    /// - `now`: in seconds.
+    /// - `now`: in seconds since the start of the platform, as in all functions of the field.
     /// - `open`: reference-machine seconds of all zones that no agent holds.
     pub fn end(&self, now: f64, open: f64) -> f64 {
         // Reuse the last value while time and open work are close to its inputs
@@ -219,9 +219,9 @@ impl Field {
         end
     }
 
-    /// Returns the time until an agent finishes one more zone, in seconds from now; infinite if it is not in the
-    /// field.
+    /// Returns the time until an agent finishes one more zone, in seconds from now; infinite if it is not in the field.
     ///
+    /// - `now`: in seconds since the start of the platform.
     /// - `time`: the zone's, in reference-machine seconds.
     pub fn finish(&self, now: f64, time: f64, member: MemberId) -> f64 {
         self.pace(member).map_or(f64::INFINITY, |pace| pace.finish(now, time))
@@ -229,6 +229,7 @@ impl Field {
 
     /// Returns the agent that finishes one more zone soonest, and when, in seconds from now. `None` without agents.
     ///
+    /// - `now`: in seconds since the start of the platform.
     /// - `time`: the zone's, in reference-machine seconds.
     pub fn soonest(&self, now: f64, time: f64) -> Option<(f64, MemberId)> {
         let mut soonest = None;
@@ -241,6 +242,7 @@ impl Field {
 
     /// Returns true if another agent finishes a zone before `limit`, in seconds from now.
     ///
+    /// - `now`: in seconds since the start of the platform.
     /// - `time`: the zone's, in reference-machine seconds.
     /// - `except`: true for agents to leave out.
     pub fn anybody_sooner(&self, now: f64, time: f64, limit: f64, except: impl Fn(MemberId) -> bool) -> bool {

@@ -82,8 +82,8 @@ impl OpenZones {
         self.time
     }
 
-    /// Takes the zones for one call for proposals, largest first: all of them, or the largest and some of the smallest.
-    /// The zones are in no other call until they are given back or removed.
+    /// Takes the zones for one call for proposals, and returns them, largest first: all of them, or the largest and
+    /// some of the smallest. The zones are in no other call until they are given back or removed.
     ///
     /// - `round`: the number of the round.
     /// - `bidders`: the number of agents called.
@@ -103,6 +103,8 @@ impl OpenZones {
     }
 
     /// Puts back a zone that no agent won, unless it was removed meanwhile.
+    ///
+    /// - `round`: the round in which it was on offer.
     pub fn give_back(&mut self, rule: AuctionRule, round: u64, offer: Offer) {
         // Ignore a zone that was removed, inserted and offered again in another round
         if self.offered.get(&offer.zone) == Some(&round) {

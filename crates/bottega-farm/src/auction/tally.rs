@@ -3,7 +3,7 @@
 use bottega_agents::AgentId;
 use serde::{Deserialize, Serialize};
 
-/// The figures of one round.
+/// The figures of one round of the auction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RoundSummary {
     /// The id of the round's conversation.

@@ -53,7 +53,7 @@ impl AuctionRule {
     }
 }
 
-/// The proposal of a bidder.
+/// The proposal of a bidder: its bids, and how many zones it takes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposal {
     /// The number of zones that it has room for.
@@ -102,7 +102,7 @@ pub struct BidderStanding<'a> {
     pub can_cut: Option<&'a dyn Fn(ZoneId) -> bool>,
 }
 
-/// The decision of a round.
+/// The decision of a round: its awards, and figures about them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Decision {
     /// The awards, one per winner and zone.

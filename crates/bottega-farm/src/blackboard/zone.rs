@@ -13,7 +13,7 @@ use crate::{
 /// Number of failed attempts after which a zone is given up.
 pub const ATTEMPTS_MAX: u32 = 5;
 
-/// The row of a zone.
+/// The row of a zone on the Blackboard: its pixels, state, agent and samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ZoneRow {
     /// The paper's IdWork: the work to which the zone belongs.
@@ -169,12 +169,14 @@ impl ZoneRow {
         }
     }
 
-    /// Returns the paper's complexity/size ratio: the zone's mean complexity per pixel.
+    /// Returns the paper's complexity/size ratio: the zone's mean complexity per pixel, in average pixels of the frame.
     pub fn complexity_density(&self) -> f64 {
         self.complexity / self.size().max(1) as f64
     }
 
     /// Returns the rectangle to paint with this choice: the zone and its band, or the piece.
+    ///
+    /// - `frame`: the pixels of the work, to which the band is clipped.
     pub fn painted(&self, choice: &Choice, frame: &Rect) -> Rect {
         self.piece.unwrap_or_else(|| self.rect.grown_by(choice.bands, frame))
     }
@@ -185,11 +187,12 @@ impl ZoneRow {
     }
 
     /// Returns the row with a part cut off; [`Self::offcut`] gives the row of that part. Complexity and T_est scale
-    /// with the number of pixels. `None` if a piece is smaller than the minimum, or the settings and with them the
-    /// band are not chosen yet.
+    /// with the number of pixels. `None`: a piece is smaller than the minimum, or the settings and with them the band
+    /// are not chosen yet.
     ///
     /// - `share`: the share of the zone that the row keeps, 0..1.
     /// - `offcut`: the id for the part that is cut off.
+    /// - `frame`: the pixels of the work, to which the band is clipped.
     /// - `grid`: the cut lies at a multiple of this many pixels of the picture.
     pub fn cut_to(&self, share: f64, offcut: ZoneId, frame: &Rect, grid: u32) -> Option<Self> {
         // Cut across the longer side
@@ -236,7 +239,8 @@ impl ZoneRow {
         Self { complexity: self.complexity * share, time_estimated, ..self }
     }
 
-    /// Returns the fencing token under which `agent` may report this zone, if the row has `revision`.
+    /// Returns the fencing token under which `agent` may report this zone, if the row has `revision`. `None`: the agent
+    /// does not hold it.
     pub fn fence_of(&self, agent: &AgentId, revision: Revision) -> Option<Revision> {
         if !self.is_in_hand() {
             None
@@ -279,7 +283,7 @@ impl ZoneRow {
         self.result.map_or(0, |result| result.samples)
     }
 
-    /// Samples per pixel that the zone's next painting reaches with this choice.
+    /// Returns the samples per pixel that the zone's next painting reaches with this choice.
     pub fn goal_samples(&self, choice: &Choice) -> u32 {
         self.goal.map_or(choice.samples, |goal| goal.min(choice.samples))
     }
@@ -312,13 +316,16 @@ impl ZoneRow {
         matches!(self.state, ZoneState::Profiling | ZoneState::Awarded)
     }
 
-    /// Returns the row after the zone's agent failed or fell silent: open for the next agent, with one more attempt.
+    /// Returns the row after the zone's agent failed or fell silent: open for the next agent, with one more attempt;
+    /// given up if that is the last one of [`ATTEMPTS_MAX`].
     #[must_use]
     pub fn taken_back(&self) -> Self {
         self.reopened(self.attempt + 1)
     }
 
-    /// Returns the row of the zone as it is opened again, with the total number of attempts given.
+    /// Returns the row of the zone as it is opened again, or given up.
+    ///
+    /// - `attempt`: the number of failed attempts so far; from [`ATTEMPTS_MAX`] on the zone is given up.
     #[must_use]
     pub fn reopened(&self, attempt: u32) -> Self {
         let state = match self.state {

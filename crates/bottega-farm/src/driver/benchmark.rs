@@ -74,14 +74,16 @@ impl ProbeTimes {
 }
 
 impl<N: Fn() -> Duration, P: Fn() -> Option<Duration>> BenchmarkClocks<N, P> {
-    /// Measures the machine by rendering a fixed small picture on the calling thread, in 0.25 s to 2 s.
+    /// Measures the machine by rendering a fixed small picture on the calling thread, in 0.25 s to 2 s. Returns its
+    /// speed; [`MachineSpeed::REFERENCE`] if the picture cannot be rendered.
     pub fn benchmark(&self) -> MachineSpeed {
         let probe = SpeedProbe::new().ok();
         let measured = probe.and_then(|probe| self.measure(|| Some(std::hint::black_box(probe.paint().ok()?))));
         measured.unwrap_or(MachineSpeed::REFERENCE)
     }
 
-    /// Returns the load of the machine now, by two runs of the same picture: some 30 ms.
+    /// Measures the load of the machine now by two runs of the same picture, in some 30 ms. Returns the clock time per
+    /// processor time, as in [`MachineSpeed::load`]; 1 if the picture cannot be rendered.
     pub fn present_load(&self) -> f64 {
         let probe = SpeedProbe::new().ok();
         let paint = |probe: SpeedProbe| {

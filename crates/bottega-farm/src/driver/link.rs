@@ -68,7 +68,10 @@ impl Link {
         name
     }
 
-    /// Stores a tile for the other machines.
+    /// Stores a tile for the other machines. Blocks, and tries again while the server is down or full, until `stop` is
+    /// requested.
+    ///
+    /// - `id`: the digest of the tile.
     ///
     /// # Errors
     /// The tile cannot be stored, with the reason.
@@ -80,10 +83,13 @@ impl Link {
         self.patiently(stop, || self.transport.put_tile(&name, &packed))
     }
 
-    /// Fetches a tile from another machine, and verifies its digest.
+    /// Fetches a tile from another machine, verifies its digest and returns it. Blocks, and tries again while the
+    /// server is down, until `stop` is requested.
+    ///
+    /// - `result`: the reference to the tile, with its digest.
     ///
     /// # Errors
-    /// The tile is missing, or has another digest, with the reason.
+    /// The tile is missing, cannot be read, or has another digest, with the reason.
     pub fn get(&self, result: &ResultRef, stop: &StopSwitch) -> Result<Tile, String> {
         let name = self.blob(result.digest);
         let packed = self.patiently(stop, || self.transport.get_tile(&name, TILE_BYTES_MAX))?;
@@ -115,7 +121,7 @@ impl Link {
         }
     }
 
-    /// Deletes all data of the work at the farm.
+    /// Deletes all data of the work at the farm: its rows and its tiles.
     pub fn forget(&self) {
         self.transport.forget(&WorkKeys::new(self.work).prefix(), &self.folder());
     }

@@ -11,13 +11,13 @@ use crate::{
     Optimization, Subject, WorkSettings, ZoneLimits,
 };
 
-/// The most agents of one job.
+/// Maximum number of agents of one job.
 pub const AGENTS_MAX: usize = 1 << 10;
-/// The most agents that must agree on a zone.
+/// Maximum number of agents that must agree on a zone.
 pub const VERIFY_MAX: u32 = 16;
-/// The most zones that an agent works on at once.
+/// Maximum number of zones that an agent works on at once.
 pub const PREFETCH_MAX: u32 = 1 << 10;
-/// The settings of a job.
+/// The settings of a job: picture, quality, agents, and what was learned before.
 #[derive(Clone, Debug)]
 pub struct JobSettings {
     /// Width of the whole picture, in pixels.
@@ -89,8 +89,11 @@ impl JobSettings {
         !is_paper && self.verify <= 1 && !self.strangers
     }
 
-    /// Returns the settings of a picture of `width` × `height` pixels and `samples` samples per pixel, with defaults for all
-    /// others.
+    /// Returns the settings of a picture of `width` × `height` pixels and `samples` samples per pixel, with defaults
+    /// for all others.
+    ///
+    /// - `tunables`: the other render settings, which rules may lower.
+    /// - `layout`: the values that the film holds.
     pub fn new(width: u32, height: u32, samples: u32, tunables: Tunables, layout: Layout) -> Self {
         Self {
             width,

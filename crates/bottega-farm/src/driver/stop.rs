@@ -13,7 +13,7 @@ struct SwitchState {
 }
 
 impl StopSwitch {
-    /// Returns a new switch.
+    /// Makes a switch on which no stop is requested yet.
     pub fn new() -> Self {
         Self::default()
     }
@@ -22,7 +22,7 @@ impl StopSwitch {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Requests the job to stop. Repeated calls have no effect.
+    /// Requests the job to stop, and keeps its samples. Repeated calls have no effect.
     pub fn request(&self) {
         let hook = {
             let mut state = self.lock();

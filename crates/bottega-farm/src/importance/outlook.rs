@@ -60,7 +60,8 @@ pub struct PictureOutlook {
 }
 
 impl PictureOutlook {
-    /// Returns the predicted seconds per sample and pixel of the whole picture.
+    /// Returns the predicted seconds of the reference machine per sample and pixel, over the whole picture; 0 without a
+    /// grid.
     pub fn mean_density(&self) -> f64 {
         self.grid.iter().sum::<f64>() / self.grid.len().max(1) as f64
     }

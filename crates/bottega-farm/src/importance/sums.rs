@@ -32,7 +32,7 @@ impl Sums {
         Self::new(self.surveyed, self.size(), self.values.iter().map(|&old| value(old)).collect())
     }
 
-    /// Columns and rows of cells.
+    /// Returns the numbers of columns and rows of cells.
     pub(super) fn size(&self) -> (u32, u32) {
         (self.width, self.height)
     }

@@ -18,7 +18,8 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// Shorter lease for agents on several machines, which disappear without notice more often than processes do.
+    /// The timeouts for agents on several machines: with a shorter lease, because machines disappear without notice
+    /// more often than processes do.
     pub const AMONG_MACHINES: Self = Self {
         bids: Duration::from_millis(500),
         heartbeat: Duration::from_millis(500),
@@ -32,7 +33,7 @@ impl Default for Timing {
     }
 }
 
-/// The configuration of a Master.
+/// The configuration of a Master: its work, the rule of its auction, and its checks.
 #[derive(Clone, Debug)]
 pub struct MasterConfig {
     /// The Master's own id.

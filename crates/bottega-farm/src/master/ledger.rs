@@ -166,7 +166,10 @@ impl Ledger {
         self.unseen.first().map(|(_, zone)| *zone)
     }
 
-    /// Zones that need further votes: some of the most complex, and some in rotation.
+    /// Returns zones that need further votes, in order of their ids.
+    ///
+    /// - `first`: the number of the most complex ones.
+    /// - `next`: the number of others, in rotation.
     pub(super) fn comparisons(&mut self, first: usize, next: usize) -> Vec<ZoneId> {
         let from = self.compared_last.map_or(Bound::Unbounded, Bound::Excluded);
         let in_turn: Vec<_> = self.comparisons.range((from, Bound::Unbounded)).take(next).copied().collect();

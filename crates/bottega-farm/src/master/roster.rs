@@ -443,7 +443,7 @@ impl Roster {
         self.iter().map(|member| member.row.agent.clone()).collect()
     }
 
-    /// Agents without a message since `since`.
+    /// Returns the agents without a message since `since`.
     pub(super) fn silent(&self, since: Time) -> Vec<MemberId> {
         self.iter().filter(|member| member.heard < since).map(|member| member.id).collect()
     }
@@ -455,8 +455,8 @@ impl Roster {
         self.profiling.agents.first().map(|(_, id)| *id)
     }
 
-    /// Agents that may bid: all that lack zones, up to `count_max`, those that need one soonest first; and others, so
-    /// that there are `count_min`.
+    /// Returns agents that may bid: all that lack zones, up to `count_max`, those that need one soonest first; and
+    /// others, so that there are `count_min`.
     pub(super) fn bidders(&self, count_min: usize, count_max: usize) -> Vec<MemberId> {
         let mut bidders: Vec<MemberId> = self.free.iter().take(count_max).map(|(_, id)| *id).collect();
         let others = count_min.saturating_sub(bidders.len());
@@ -480,12 +480,12 @@ impl Roster {
         free.into_iter().find(|id| is_wanted(self.name(*id)))
     }
 
-    /// Returns true if an agent is passed over.
+    /// Returns true if any agent is passed over.
     pub(super) fn has_passed_over(&self) -> bool {
         !self.passed_over.is_empty()
     }
 
-    /// Returns true if an agent may bid.
+    /// Returns true if any agent may bid.
     pub(super) fn has_free(&self) -> bool {
         !self.free.is_empty()
     }
@@ -509,7 +509,7 @@ impl Roster {
         Some(now - sent.map_or(before, |sent| sent.max(before)))
     }
 
-    /// Returns Up to `count_max` idle agents.
+    /// Returns up to `count_max` idle agents.
     pub(super) fn idle(&self, count_max: usize) -> Vec<MemberId> {
         let free = self.free.iter().filter_map(|(_, id)| self.get(*id));
         free.filter(|member| member.is_idle()).take(count_max).map(|member| member.id).collect()
@@ -528,7 +528,7 @@ impl Roster {
         late.chain(last).filter_map(|(_, id)| self.get(*id))
     }
 
-    /// Speeds and loads of all agents that could take a zone.
+    /// Returns the speeds and loads of all agents that could take a zone.
     pub(super) fn field(&self) -> &Field {
         &self.field
     }

@@ -95,7 +95,7 @@ impl Balancer<'_> {
             .unwrap_or(exact)
     }
 
-    /// Both sides as regions, with zone counts in proportion to their complexities, within their capacities.
+    /// Returns both sides as regions, with zone counts in proportion to their complexities, within their capacities.
     fn parts(&self, region: &Region, [first, second]: [Rect; 2]) -> [Region; 2] {
         let share = self.map.complexity(&first) / (self.map.complexity(&first) + self.map.complexity(&second));
         let first_count = ((region.count as f64 * share).round() as u64).clamp(1, region.count - 1);

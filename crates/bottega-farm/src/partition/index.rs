@@ -43,7 +43,7 @@ impl<'a> ZoneIndex<'a> {
         })
     }
 
-    /// Indices of all rectangles that share a pixel with `rect`, ascending.
+    /// Returns the indices of all rectangles that share a pixel with `rect`, ascending.
     pub(crate) fn touching(&self, rect: &Rect) -> impl Iterator<Item = usize> + use<> {
         let mut found: Vec<usize> = self
             .cells_of(rect)

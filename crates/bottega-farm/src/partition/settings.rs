@@ -37,7 +37,7 @@ impl FromStr for Level {
     }
 }
 
-/// An unknown level of the partition.
+/// The error of parsing an unknown level of the partition.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown partition level `{found}`: use 0, 1, 2 or 3")]
 pub struct UnknownLevel {
@@ -99,6 +99,9 @@ impl PartitionSettings {
 
     /// Makes the target for this many agents: enough zones that no agent waits long at the end for another, but none so
     /// small that its messages cost more than its pixels.
+    ///
+    /// - `level`: the last level to carry out.
+    /// - `frame`: the pixels to paint.
     pub fn for_agents(level: Level, agents: usize, frame: Rect) -> Self {
         const ZONES_PER_AGENT: u64 = 8;
         const ZONES_MIN: u64 = 16;

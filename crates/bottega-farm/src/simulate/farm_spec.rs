@@ -11,7 +11,7 @@ pub const SIMULATED_AGENTS_MAX: usize = 1 << 14;
 const SPEED_RANGE: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 const SECONDS_MAX: f64 = 1e7;
 
-/// The agents of a simulation.
+/// The agents of a simulation, with their machines and their faults.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FarmSpec {
     /// The machines of the farm.
@@ -22,7 +22,7 @@ pub struct FarmSpec {
     pub incidents: Vec<Incident>,
 }
 
-/// A machine of a simulation.
+/// A machine of a simulation, with its processors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MachineSpec {
     /// Number of processors, shared by all agents of the machine.
@@ -31,7 +31,7 @@ pub struct MachineSpec {
     pub speed: f64,
 }
 
-/// An agent of a simulation.
+/// An agent of a simulation: its machine, and when it joins.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AgentSpec {
     /// Index of the agent's machine.
@@ -51,7 +51,7 @@ pub struct Incident {
     pub kind: IncidentKind,
 }
 
-/// The kind of an incident.
+/// The kind of an incident, with its parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum IncidentKind {
     /// The agent fails silently and does not come back.
@@ -72,7 +72,7 @@ pub enum IncidentKind {
     Load(f64),
 }
 
-/// An error in a specification of agents.
+/// An error in the text that specifies the agents of a simulation.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FarmSpecError {
     /// A word is invalid.
@@ -103,21 +103,22 @@ pub enum FarmSpecError {
 }
 
 impl FarmSpec {
-    /// Makes a number of agents with speed 1, each with a processor of its own.
+    /// Makes a farm of `count` agents with speed 1, each with a processor of its own.
     pub fn equal(count: usize) -> Self {
         let mut farm = Self::default();
         farm.add(count, MachineSpec { processors: 1, speed: 1.0 });
         farm
     }
 
-    /// Makes a number of agents that share one machine of speed 1, like those of one process.
+    /// Makes a farm of `count` agents that share one machine of speed 1 with this many processors, like those of one
+    /// process.
     pub fn sharing(count: usize, processors: u32) -> Self {
         let machines = vec![MachineSpec { processors, speed: 1.0 }];
         let agents = vec![AgentSpec { machine: 0, joins: Duration::ZERO }; count];
         Self { machines, agents, incidents: Vec::new() }
     }
 
-    /// Adds agents, each on a machine of its own.
+    /// Adds `count` agents, each on a machine of its own of this kind, which join at the start.
     pub fn add(&mut self, count: usize, machine: MachineSpec) {
         for _ in 0..count {
             self.agents.push(AgentSpec { machine: self.machines.len(), joins: Duration::ZERO });
@@ -125,7 +126,11 @@ impl FarmSpec {
         }
     }
 
-    /// Makes a share of the agents fail at random times before `until`, chosen by the seed.
+    /// Makes some agents fail at random times.
+    ///
+    /// - `share`: the share of all agents, 0..=1.
+    /// - `until`: the end of the interval of these times, from the start of the platform.
+    /// - `seed`: determines agents and times.
     pub fn fail_some(&mut self, share: f64, until: Duration, seed: u64) {
         let mut random = Random::new(seed ^ 0xfa11);
         let mut left: Vec<usize> = (0..self.agents.len()).collect();
@@ -137,16 +142,15 @@ impl FarmSpec {
         }
     }
 
-    /// Returns the sum of the speeds of all processors, without incidents.
+    /// Returns the sum of the speeds of all processors, without incidents; 1 is a processor of the measured machine.
     pub fn speed(&self) -> f64 {
         self.machines.iter().map(|machine| f64::from(machine.processors) * machine.speed).sum()
     }
 
-    /// Returns a lower bound on the time to paint an amount of work from `start` on: without losses or waiting.
+    /// Returns a lower bound on the time at which an amount of work begun at `start` is done, without losses or
+    /// waiting; both from the start of the platform. `None`: the remaining agents never finish it.
     ///
     /// - `work`: processor time at speed 1, in seconds.
-    ///
-    /// Returns `None` if the remaining agents never finish it.
     pub fn least_time(&self, start: Duration, work: f64) -> Option<Duration> {
         // Integrate the total speed, which is constant between changes
         let mut changes: Vec<(f64, f64)> = Vec::new();

@@ -95,6 +95,8 @@ pub struct Plan {
 impl Plan {
     /// Makes a plan with these agents on a fast network without faults. Zones are shared at the end if agents have
     /// machines of their own.
+    ///
+    /// - `seed`: the seed of all random numbers.
     pub fn calm(farm: FarmSpec, seed: u64) -> Self {
         Self {
             shares_tail: farm.machines.len() >= farm.agents.len(),
@@ -129,7 +131,7 @@ impl Plan {
     }
 }
 
-/// An error of a simulation.
+/// The reason why a simulation has no outcome.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SimulationError {
     /// There are no agents.
@@ -159,12 +161,12 @@ pub enum SimulationError {
     },
 }
 
-/// Runs a work in virtual time and checks the invariants.
+/// Runs a work in virtual time, checks the invariants, and returns times and statistics.
 ///
 /// The same arguments give the same run, event for event.
 ///
 /// # Errors
-/// The run does not end, or violates an invariant.
+/// There are no agents, the run does not end, the Master abandons the work, or an invariant is violated.
 pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<SimulationOutcome, SimulationError> {
     let mut play = Play::new(piece, plan)?;
     let work: f64 = piece.zone_seconds().sum();

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, time::Duration};
 use super::{Span, TimeLeft};
 use crate::{Credit, RelativePower, RoundSummary, Theft};
 
-/// The outcome of a simulation.
+/// The outcome of a simulation: times, counts and records of agents.
 #[derive(Clone, Debug)]
 pub struct SimulationOutcome {
     /// Time at which the picture was complete, from the start of the platform.
@@ -45,7 +45,7 @@ pub struct SimulationOutcome {
     pub times_left: Vec<TimeLeft>,
 }
 
-/// The result of an agent.
+/// The result of one agent of a simulation: its work, credit and speed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AgentOutcome {
     /// The name of the agent.
@@ -83,7 +83,7 @@ impl SimulationOutcome {
         self.agents.iter().map(|agent| (agent.name.clone(), power(agent))).collect()
     }
 
-    /// Returns the lower bound over the time taken, 0..=1.
+    /// Returns the lower bound over the time taken, 0..=1; 0 without a bound.
     pub fn efficiency(&self) -> f64 {
         self.least.map_or(0.0, |least| least.as_secs_f64() / self.makespan.as_secs_f64().max(1e-12))
     }

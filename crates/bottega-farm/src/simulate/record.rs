@@ -65,9 +65,10 @@ pub struct RecordedRules {
 }
 
 impl RecordedRules {
-    /// Records the rules and the bands of a work.
+    /// Makes the record of the rules and the bands of a work.
     ///
     /// - `experts`: the rules of the agents, assigned in rotation.
+    /// - `engine`: the engine that painted, for the settings that it supports.
     pub fn new(experts: &[Expert], bands: BandWidth, engine: &EngineDescription) -> Self {
         let &EngineDescription { has_max_depth, has_light_samples, is_profiled, .. } = engine;
         Self {
@@ -79,10 +80,10 @@ impl RecordedRules {
         }
     }
 
-    /// Returns the rules of the agents.
+    /// Returns the rules of the agents, to be assigned in rotation.
     ///
     /// # Errors
-    /// A text cannot be parsed, or has no known output.
+    /// A text cannot be parsed, has an unknown input, or has no known output.
     pub fn experts(&self) -> Result<Vec<Expert>, RecordError> {
         let &Self { ref texts, bands, has_max_depth, has_light_samples, is_profiled } = self;
         let knows = |(index, text): (usize, &String)| {
@@ -94,7 +95,7 @@ impl RecordedRules {
     }
 }
 
-/// The record of a zone.
+/// The record of a zone: its pixels, settings and measured times.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedZone {
     /// The zone's own pixels, without the band.
@@ -113,6 +114,8 @@ pub struct RecordedZone {
 
 impl RecordedZone {
     /// Returns the painted pixels, including the band.
+    ///
+    /// - `frame`: the pixels of the work, to which the band is clipped.
     pub fn painted(&self, frame: &Rect) -> Rect {
         self.rect.grown_by(self.choice.bands, frame)
     }
@@ -133,7 +136,7 @@ impl RecordedZone {
         part(0, profiled, self.profiling) + part(profiled, self.choice.samples, self.painting) + beyond
     }
 
-    /// Returns the processor time of all samples.
+    /// Returns the processor time of all samples of all its pixels.
     pub fn total(&self) -> Duration {
         self.profiling + self.painting
     }
@@ -157,8 +160,9 @@ impl CostGrid {
         (cells(frame.x0, frame.x1), cells(frame.y0, frame.y1))
     }
 
-    /// Makes the grid of a frame from measurements of parts: rectangle, samples per pixel, processor time in seconds.
-    /// Cells without a measurement get the mean.
+    /// Makes the grid of a frame from measurements. Cells without a measurement get the mean.
+    ///
+    /// - `parts`: for each measured part its pixels, samples per pixel, and processor time in seconds.
     pub fn of_parts(frame: &Rect, parts: impl IntoIterator<Item = (Rect, u32, f64)>) -> Self {
         let (columns, rows) = Self::size(frame);
         let origin = (frame.x0 / CELL_SIDE, frame.y0 / CELL_SIDE);
@@ -180,7 +184,7 @@ impl CostGrid {
         grid
     }
 
-    /// Returns the seconds for one sample of all pixels of a rectangle within the grid.
+    /// Returns the processor time, in seconds, for one sample of each pixel of a rectangle within the grid.
     pub fn seconds(&self, rect: &Rect) -> f64 {
         self.cells(rect).map(|(cell, area)| self.density[cell] * area as f64).sum()
     }
@@ -198,7 +202,7 @@ impl CostGrid {
 /// The version of the JSON format.
 pub(super) const VERSION: u64 = 2;
 
-/// An error in a record.
+/// An error in making, reading or checking a record.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RecordError {
     /// The text is not JSON of this format.

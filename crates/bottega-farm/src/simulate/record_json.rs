@@ -106,7 +106,7 @@ struct ZoneJson {
 }
 
 impl Record {
-    /// Returns the record as JSON.
+    /// Returns the record as JSON, which [`Record::from_json`] reads.
     pub fn to_json(&self) -> String {
         let WorkSettings { picture, frame, samples, goal: _, tunables, optimization } = self.work;
         let json = RecordJson {
@@ -145,7 +145,7 @@ impl Record {
     /// Reads and checks the JSON of [`Record::to_json`].
     ///
     /// # Errors
-    /// The text is invalid.
+    /// The text is not JSON of this format, has another version, or holds an invalid value: see [`Record::check`].
     pub fn from_json(text: &str) -> Result<Self, RecordError> {
         let syntax = |error: serde_json::Error| RecordError::Syntax {
             line: error.line(),

@@ -59,8 +59,12 @@ impl Recorder {
 
     /// Returns the record of a job that has ended successfully.
     ///
+    /// - `scene`: the scene file, for display.
+    /// - `settings`, `report`: those of the job.
+    ///
     /// # Errors
-    /// There is nothing to record: the job was stopped, or was resumed and not observed from its beginning.
+    /// The job cannot be recorded: it was stopped, has failed zones or another goal than samples, or was resumed and
+    /// not observed from its beginning.
     pub fn record(&self, scene: &str, settings: &JobSettings, report: &JobReport) -> Result<Record, RecordError> {
         if report.stopped || !report.failed.is_empty() {
             let problem = "was stopped, or zones of it failed: only a whole one can be recorded".to_owned();

@@ -42,7 +42,7 @@ const HUNG: f64 = 1e-12;
 /// Maximum number of spans kept; further ones are only counted.
 pub const SPANS_MAX: usize = 1 << 22;
 
-/// A span of an agent's time.
+/// A span of an agent's time, spent on one zone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Span {
     /// Index of the agent.
@@ -57,7 +57,7 @@ pub struct Span {
     pub kind: SpanKind,
 }
 
-/// The kind of a span.
+/// The kind of work that an agent does in a span.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpanKind {
     /// First samples of a zone.
@@ -195,7 +195,7 @@ impl SimulatedFarm {
         self.machines.set_speed(now, self.agents[agent].machine, HUNG);
     }
 
-    /// Progress of an order, in millionths of a second of finished work.
+    /// Returns the progress of an order, in millionths of a second of finished work.
     fn progress(&mut self, now: Time, agent: usize, zone: ZoneId, fence: Revision) -> Option<u64> {
         let left = self.machines.left(now, self.agents[agent].machine, zone, fence)?;
         Some((1_u64 << 50).saturating_sub((left.max(0.0) * 1e6) as u64))

@@ -88,7 +88,7 @@ impl Default for SyntheticSpread {
     }
 }
 
-/// An error in making a work for a simulation.
+/// The reason why a work for a simulation cannot be made.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WorkpieceError {
     /// The number of zones is zero or too large.
@@ -109,7 +109,7 @@ impl Workpiece {
     ///   sizes.
     ///
     /// # Errors
-    /// The work has no zones, or too many.
+    /// The work has no zones, or too many; or the recorded rules cannot be used.
     pub fn recorded(record: &Record, scale: u32) -> Result<Self, WorkpieceError> {
         let found = record.zones.len().saturating_mul(scale as usize);
         if found == 0 || found > ZONES_MAX {
@@ -200,7 +200,7 @@ impl Workpiece {
         }
     }
 
-    /// Returns the user's settings.
+    /// Returns the user's settings of the work.
     pub fn settings(&self) -> &WorkSettings {
         &self.work.settings
     }

@@ -12,7 +12,7 @@ pub struct Position {
 }
 
 impl Position {
-    /// Returns the byte range of the token at this position; empty at the end of a text.
+    /// Returns the byte range in `text` of the token at this position; empty at the end of the text.
     pub fn range_in(self, text: &str) -> std::ops::Range<usize> {
         let line_start = match self.line.checked_sub(2) {
             Some(before) => text.match_indices('\n').nth(before).map_or(text.len(), |(newline, _)| newline + 1),
@@ -35,7 +35,7 @@ impl fmt::Display for Position {
     }
 }
 
-/// The first error in a text.
+/// The first error in an FCL text, with its position.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{at}: {kind}")]
 pub struct FclError {
@@ -45,7 +45,7 @@ pub struct FclError {
     pub kind: FclErrorKind,
 }
 
-/// The kind of an error.
+/// The reason why an FCL text cannot be parsed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FclErrorKind {
     /// A character that is part of no token.
@@ -144,7 +144,7 @@ fn did_you_mean(suggestion: &Option<String>) -> String {
     suggestion.as_ref().map_or_else(String::new, |word| format!("; did you mean `{word}`?"))
 }
 
-/// Returns the word most similar to `found`, if it is similar enough.
+/// Returns the word most similar to `found`; `None`: none is similar enough.
 pub(super) fn nearest<'a>(found: &str, words: impl IntoIterator<Item = &'a str>) -> Option<String> {
     let near = |word: &&str| distance(found, word) <= (found.len().max(word.len()) / 3).max(1);
     words.into_iter().filter(near).min_by_key(|word| distance(found, word)).map(str::to_owned)

@@ -34,6 +34,9 @@ impl Token<'_> {
 }
 
 /// Splits a text into tokens with their positions. The last one is [`Token::End`].
+///
+/// # Errors
+/// A character is not allowed, a comment does not end, or a word or number is invalid.
 pub(super) fn tokens(text: &str) -> Result<Vec<(Token<'_>, Position)>, FclError> {
     let mut lexer = Lexer { rest: text, at: Position { line: 1, column: 1 } };
     let mut tokens = Vec::new();

@@ -12,7 +12,7 @@ use crate::{
     operators::{Accumulation, Method},
 };
 
-/// The document of an FCL text.
+/// A parsed FCL text: its function blocks, and the positions of their parts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Document {
     /// The function blocks, in order.
@@ -22,17 +22,21 @@ pub struct Document {
 }
 
 impl Document {
-    /// Returns the position of an input's declaration, by the index of the block and the input's name without case.
+    /// Returns the position of an input's declaration. `None`: there is no such block or input.
+    ///
+    /// - `block`: the index of the block in `blocks`.
+    /// - `name`: the name of the input, without case.
     pub fn input_position(&self, block: usize, name: &str) -> Option<Position> {
         let index = self.blocks.get(block)?.input_index(name)?;
         Some(self.places[block].inputs[index].at)
     }
 }
 
-/// Parses a text with any number of function blocks.
+/// Parses an FCL text with any number of function blocks.
 ///
 /// # Errors
-/// The first error, with line and column.
+/// The first error, with line and column: the syntax is wrong, a name is undeclared or declared twice, a declaration is
+/// incomplete or invalid, or one of the [`Limits`] is exceeded.
 pub fn parse_document(text: &str) -> Result<Document> {
     if text.len() > Limits::TEXT_BYTES_MAX {
         let at = Position { line: 1, column: 1 };
@@ -52,10 +56,10 @@ pub fn parse_document(text: &str) -> Result<Document> {
 }
 
 impl FunctionBlock {
-    /// Parses a text with exactly one function block. For several, or for warnings, see [`crate::parse_document`].
+    /// Parses an FCL text with exactly one function block. For several, or for warnings, see [`crate::parse_document`].
     ///
     /// # Errors
-    /// The first error, with line and column.
+    /// As for [`crate::parse_document`], or the text has no or several function blocks.
     pub fn parse(text: &str) -> Result<Self> {
         let mut blocks = parse_document(text)?.blocks;
         match (blocks.pop(), blocks.len()) {

@@ -13,7 +13,7 @@ pub struct Warning {
     pub kind: WarningKind,
 }
 
-/// The kind of a warning. Rules are named by their labels.
+/// The kind of a warning, with the variables, terms and rules concerned. Rules are named by their labels.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs, reason = "each is one sentence, below")]
 pub enum WarningKind {

@@ -19,7 +19,7 @@ const CONNECT_WAIT: Duration = Duration::from_secs(3);
 /// Timeout of the response.
 const ANSWER_WAIT: Duration = Duration::from_secs(10);
 
-/// The reason why a message was not accepted.
+/// The reason why a message to another platform was not sent or not accepted.
 #[derive(Debug, thiserror::Error)]
 pub enum SendError {
     /// There are no addresses.
@@ -45,7 +45,7 @@ pub enum SendError {
     Message(#[from] WireError),
 }
 
-/// Splits `http://host[:port][/path]` into host with port, and path.
+/// Splits `http://host[:port][/path]`. Returns `host:port` and the path; by default port 80 and `/`.
 ///
 /// # Errors
 /// [`SendError::Address`]: another scheme, no host, a user name, or characters that are not printable ASCII.
@@ -65,8 +65,10 @@ pub fn parse_address(address: &str) -> Result<(String, &str), SendError> {
 
 /// Sends a message to the first of its addresses that accepts it.
 ///
+/// - `number`: makes the boundary of the multipart body unique.
+///
 /// # Errors
-/// None accepts it: the error of the last one.
+/// The message cannot be written, it has no addresses, or none accepts it: then the error of the last one.
 pub async fn send(outbound: &Outbound, number: u64) -> Result<(), SendError> {
     let (content_type, body) = seal(outbound, number)?;
     let mut last = SendError::NoAddress;

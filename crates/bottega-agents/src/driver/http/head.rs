@@ -26,7 +26,7 @@ pub enum HttpError {
 }
 
 impl HttpError {
-    /// Status code and reason phrase.
+    /// Returns the status code and the reason phrase, such as `404 Not Found`.
     pub fn status(&self) -> &'static str {
         match self {
             Self::Bad(_) => "400 Bad Request",
@@ -39,7 +39,7 @@ impl HttpError {
     }
 }
 
-/// The header of a request.
+/// The header of an HTTP request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Head {
     /// The method: `POST`, `GET`, …
@@ -56,12 +56,12 @@ pub struct Head {
     pub expects_continue: bool,
 }
 
-/// Parses a header at the beginning of `bytes`; also returns its length in bytes. `None`: it is incomplete.
+/// Parses a header at the beginning of `bytes`. Returns it with its length in bytes; `None`: it is incomplete.
 ///
 /// Blank lines before it are ignored, fields may be folded over several lines, and lines may end in LF alone.
 ///
 /// # Errors
-/// The header is too long or malformed.
+/// The header is longer than [`HEAD_BYTES_MAX`] bytes, or malformed.
 pub fn parse_head(bytes: &[u8]) -> Result<Option<(Head, usize)>, HttpError> {
     let blank = bytes.iter().take_while(|byte| matches!(byte, b'\r' | b'\n')).count();
     let Some(length) = end_of_head(&bytes[blank..]) else {
@@ -158,7 +158,7 @@ fn path_of(target: &str) -> &str {
     path.split(['?', '#']).next().unwrap_or(path)
 }
 
-/// Parses the code of a status line. `None`: the line is incomplete.
+/// Returns the code of the status line at the beginning of `bytes`, such as 200. `None`: the line is incomplete.
 ///
 /// # Errors
 /// The bytes are not a status line.

@@ -10,6 +10,8 @@ const MALFORMED: HttpError = HttpError::Bad("the body does not have the two part
 
 /// Parses the body of a POST: the envelope and the message.
 ///
+/// - `content_type`: the value of the Content-Type field, which names the boundary of the parts.
+///
 /// # Errors
 /// The parts, the envelope or the message are invalid.
 pub fn open(content_type: &str, body: &[u8]) -> Result<Letter, HttpError> {

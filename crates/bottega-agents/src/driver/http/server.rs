@@ -20,7 +20,7 @@ use super::{
 };
 use crate::acc::Letter;
 
-/// Maximum number of connections.
+/// Maximum number of open connections; further ones are closed at once.
 pub const CONNECTIONS_MAX: usize = 256;
 /// Maximum size of the bodies of all connections together, in KiB; further requests get 503.
 const BODIES_KIB_MAX: usize = 1 << 18;
@@ -34,7 +34,7 @@ const ANSWER_WAIT: Duration = Duration::from_secs(20);
 /// The path of the trace of passing messages, for clients on this machine.
 pub const TRACE_PATH: &str = "/trace";
 
-/// The service behind the server.
+/// The service behind the HTTP server: it accepts messages, and describes and traces itself.
 pub struct HttpService {
     /// Accepts a message. False if there is no room at the moment.
     pub take: Box<dyn Fn(Letter) -> bool + Send + Sync>,

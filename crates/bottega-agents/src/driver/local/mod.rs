@@ -33,7 +33,7 @@ const TURN_EVENTS_MAX: usize = 32;
 /// Minimum delay of a machine that sets a deadline in the past.
 const WAKE_AFTER_MIN: Duration = Duration::from_millis(1);
 
-/// A platform in one process.
+/// A platform in one process, which runs its agents on a few threads.
 pub struct LocalPlatform<M: StateMachine> {
     shared: Arc<PlatformShared<M>>,
     threads: Vec<thread::JoinHandle<()>>,
@@ -54,7 +54,7 @@ where
         Self::build(threads, Box::new(MemoryStore::default()), None)
     }
 
-    /// Like [`Self::new`], with a store that may be shared with other processes, or be persistent.
+    /// Starts threads like [`Self::new`], with a store that may be shared with other processes, or be persistent.
     ///
     /// # Errors
     /// A thread cannot be started.
@@ -62,8 +62,8 @@ where
         Self::build(threads, store, None)
     }
 
-    /// Like [`Self::new`], with a link to other processes: agents not found here are looked for there, and the store is
-    /// shared by all. Queues, blobs and presence stay within the process.
+    /// Starts threads like [`Self::new`], with a link to other processes: agents not found here are looked for there,
+    /// and the store is shared by all. Queues, blobs and presence stay within the process. `None`: no link.
     ///
     /// # Errors
     /// A thread cannot be started.
@@ -93,7 +93,9 @@ where
         Ok(platform)
     }
 
-    /// Adds an agent. Its first event is [`Event::Start`].
+    /// Adds an agent, whose first event is [`Event::Start`]. Returns its mailbox.
+    ///
+    /// - `performer`: begins the effects that the agent requests.
     ///
     /// # Errors
     /// The name was used by another agent, running or stopped.
@@ -147,7 +149,7 @@ where
         self.shared.with_store(|store, replies| store.poll(replies));
     }
 
-    /// Returns the bus, for other threads.
+    /// Returns the bus of the platform, through which other threads send messages.
     pub fn bus(&self) -> LocalBus<M> {
         LocalBus(Arc::clone(&self.shared))
     }
@@ -167,7 +169,10 @@ where
         Calendar::new(unix_time().saturating_sub(self.now().elapsed()))
     }
 
-    /// Waits until every agent has stopped, then ends the threads. Propagates a machine's panic.
+    /// Waits until every agent has stopped, then ends the threads.
+    ///
+    /// # Panics
+    /// If a machine has panicked.
     pub fn wait(mut self) {
         let mut state = self.shared.lock();
         while state.alive > 0 && !state.panicked {

@@ -230,7 +230,7 @@ impl<M: StateMachine> Mailbox<M> {
         self.agent
     }
 
-    /// Returns true if the agent has stopped.
+    /// Returns true if the agent has stopped, or its platform is closing.
     pub fn is_closed(&self) -> bool {
         let state = self.shared.lock();
         state.closing || state.slots[self.agent].stopped
@@ -255,6 +255,8 @@ pub trait Uplink<M: StateMachine>: Send + Sync {
     fn add(&self, agent: &AgentId, mailbox: Mailbox<M>);
 
     /// Sends a message to one receiver elsewhere, or loses it.
+    ///
+    /// - `now`: the time of this platform, to which `reply_by` of the message refers.
     fn publish(&self, now: Time, message: &AclMessage<M::Content>, receiver: &AgentId);
 
     /// Sends a store request for the agent with this mailbox.

@@ -151,7 +151,7 @@ impl NatsBlobs {
         Self { context, store, stream, bucket, handle }
     }
 
-    /// Stores a blob, completely or not at all.
+    /// Stores a blob, completely or not at all. It replaces an earlier blob of the same name.
     ///
     /// Done here and not by the library, which leaves the parts that a full server accepted: nothing refers to them,
     /// and they occupy room forever.
@@ -233,12 +233,12 @@ impl NatsBlobs {
         self.age(name).map(|age| age.is_some())
     }
 
-    /// Reads a blob; `None`: there is none of this name.
+    /// Reads a blob and returns its bytes. `None`: there is none of this name.
     ///
-    /// - `bytes_max`: larger ones are refused.
+    /// - `bytes_max`: maximum size, in bytes.
     ///
     /// # Errors
-    /// The server does not return it, or it is damaged.
+    /// The server does not return the blob, stops sending in the middle of it, or the blob is damaged or too large.
     pub fn get(&self, name: &str, bytes_max: usize) -> Result<Option<Vec<u8>>, BlobError> {
         self.handle.block_on(async {
             let mut object = match self.store.get(name).await {
@@ -276,7 +276,7 @@ impl NatsBlobs {
         self.purge(self.parts_of(&info.nuid)).await;
     }
 
-    /// Lists all blobs of the farm, with their sizes.
+    /// Returns all blobs of the farm, with their sizes and ages. Some or all are missing if the server does not answer.
     pub fn list(&self) -> Vec<StoredBlob> {
         let infos = self.handle.block_on(self.infos());
         let blob = |info: ObjectInfo| StoredBlob { age: age_of(&info), bytes: info.size as u64, name: info.name };
@@ -331,7 +331,9 @@ impl NatsBlobs {
         }
     }
 
-    /// Deletes all blobs for whose names and ages `is_dead` is true.
+    /// Deletes blobs, as far as the server answers.
+    ///
+    /// - `is_dead`: returns true if a blob with this name, stored this long ago, must be deleted.
     pub fn forget_all(&self, mut is_dead: impl FnMut(&str, Duration) -> bool) {
         self.handle.block_on(async {
             for info in self.infos().await {

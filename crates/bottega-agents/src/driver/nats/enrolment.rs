@@ -16,7 +16,7 @@ const ENROL_TIME: Duration = Duration::from_secs(10);
 /// Maximum number of requests of a group answered concurrently.
 const AT_ONCE: usize = 16;
 
-/// The key pair of a member.
+/// The key pair with which a member of a farm logs in.
 pub struct MemberKey(nkeys::KeyPair);
 
 impl MemberKey {
@@ -25,12 +25,12 @@ impl MemberKey {
         Self(nkeys::KeyPair::new_user())
     }
 
-    /// Returns the public key.
+    /// Returns the public key as text, which starts with `U`.
     pub fn public(&self) -> String {
         self.0.public_key()
     }
 
-    /// Returns the secret seed, to be stored; `None`: there is none.
+    /// Returns the secret seed, to be stored. `None`: there is no secret part; a key of [`Self::new`] has one.
     pub fn seed(&self) -> Option<String> {
         self.0.seed().ok()
     }
@@ -47,12 +47,15 @@ pub fn is_public_key(text: &str) -> bool {
     nkeys::KeyPair::from_public_key(text).is_ok() && text.starts_with('U')
 }
 
-/// Sends a request for enrolment. Returns the answer.
+/// Sends a request for enrolment to a farm, and returns the bytes of the answer. Blocks meanwhile.
 ///
+/// - `options`: the servers, and the login of a [`newcomer`].
 /// - `group`: the group to join.
+/// - `request`: the bytes for the process that admits members.
 ///
 /// # Errors
-/// The server is unreachable, or the farm does not answer.
+/// The server is unreachable or rejects the login, a name or the credentials are invalid, or no process of the farm
+/// answers.
 pub fn enrol(options: &NatsOptions, group: &str, request: &[u8]) -> Result<Vec<u8>, NatsError> {
     let runtime = Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(async {
@@ -66,8 +69,10 @@ pub fn enrol(options: &NatsOptions, group: &str, request: &[u8]) -> Result<Vec<u
 }
 
 impl<K: Codec> NatsUplink<K> {
-    /// Answers enrolment requests while the returned value lives; several concurrently.
+    /// Answers enrolment requests, several concurrently, as long as the thread of this link runs. Returns when the
+    /// farm's server knows of it.
     ///
+    /// - `groups`: the groups whose requests are answered.
     /// - `answer`: gets the group and the request; may block. `None`: no answer.
     pub fn answer_newcomers(
         &self,
@@ -103,7 +108,10 @@ impl<K: Codec> NatsUplink<K> {
     }
 }
 
-/// Returns the login of a machine with the token and without a key.
+/// Returns the login of a machine that has a token but no key.
+///
+/// - `group`: the group of the token.
+/// - `word`: the token.
 pub fn newcomer(group: &str, word: &str) -> Login {
     Login::User(group.to_owned(), word.to_owned())
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use async_nats::ConnectErrorKind;
 
-/// An error of a link.
+/// An error in connecting to a farm, in enrolment, or in reloading a server.
 #[derive(Debug, thiserror::Error)]
 pub enum NatsError {
     /// The server is unreachable, or does not accept the connection.

@@ -67,7 +67,7 @@ const STORE_INFO: &str = "$JS.API.INFO";
 /// The oldest supported version of the server.
 const OLDEST: (i64, i64, i64) = (2, 9, 0);
 
-/// A link to a farm.
+/// A link to a farm over NATS: messages, store, blobs, payloads, notices and live messages.
 pub struct NatsUplink<K> {
     codec: Arc<K>,
     client: Client,
@@ -93,10 +93,10 @@ pub struct NatsThread {
 }
 
 impl NatsThread {
-    /// Starts the thread.
+    /// Starts the thread, on which links can be opened by [`NatsUplink::connect_on`].
     ///
     /// # Errors
-    /// A thread cannot be started.
+    /// The thread cannot be started.
     pub fn start() -> Result<Arc<Self>, NatsError> {
         let runtime = Builder::new_current_thread().enable_all().build()?;
         let handle = runtime.handle().clone();
@@ -112,8 +112,11 @@ impl NatsThread {
 impl<K: Codec> NatsUplink<K> {
     /// Connects to a farm; creates its buckets if missing. Blocks until done.
     ///
+    /// - `codec`: encodes contents of messages and values of the store.
+    ///
     /// # Errors
-    /// The server is unreachable, or cannot serve a farm.
+    /// The server is unreachable, too old, or has no suitable storage; an address, the name of the farm or the
+    /// credentials are invalid; or a thread cannot be started.
     pub fn connect(options: &NatsOptions, codec: K) -> Result<Self, NatsError> {
         Self::connect_on(&NatsThread::start()?, options, codec)
     }
@@ -121,7 +124,7 @@ impl<K: Codec> NatsUplink<K> {
     /// Like [`Self::connect`], on a thread shared with other links.
     ///
     /// # Errors
-    /// The server is unreachable, or cannot serve a farm.
+    /// As for [`Self::connect`].
     pub fn connect_on(thread: &Arc<NatsThread>, options: &NatsOptions, codec: K) -> Result<Self, NatsError> {
         let handle = thread.handle.clone();
         let Opened { client, context, blackboard, notices, objects, payloads } = handle.block_on(open(options))?;
@@ -151,7 +154,7 @@ impl<K: Codec> NatsUplink<K> {
         })
     }
 
-    /// Returns the blobs: large data.
+    /// Returns the blobs of the farm, for large data: the input of jobs, their orders and their results.
     pub fn blobs(&self) -> &NatsBlobs {
         &self.blobs
     }
@@ -171,17 +174,17 @@ impl<K: Codec> NatsUplink<K> {
         self.is_guest
     }
 
-    /// Returns the notices of the farm.
+    /// Returns the notices of the farm, which all members may read and change.
     pub fn notices(&self) -> &NatsNotices {
         &self.notices
     }
 
-    /// Returns the live messages of the farm.
+    /// Returns the live messages of the farm, which are sent to all current listeners.
     pub fn live(&self) -> &NatsLive {
         &self.live
     }
 
-    /// Returns the version of the server.
+    /// Returns the version of the NATS server, such as `2.10.4`.
     pub fn server_version(&self) -> String {
         self.client.server_info().version
     }
@@ -197,12 +200,12 @@ impl<K: Codec> NatsUplink<K> {
         }
     }
 
-    /// Returns true if the server is connected.
+    /// Returns true if the link is connected to a server now.
     pub fn is_connected(&self) -> bool {
         self.client.connection_state() == async_nats::connection::State::Connected
     }
 
-    /// Asks the server for the state of its storage; blocks at most two seconds.
+    /// Asks the server for the state of its storage, and returns it; blocks at most two seconds.
     pub fn server_state(&self) -> ServerState {
         let request = Request::new().timeout(Some(ANSWER_TIME));
         match self.handle.block_on(self.client.send_request(STORE_INFO, request)) {
@@ -220,7 +223,7 @@ impl<K: Codec> NatsUplink<K> {
         self.handle.block_on(self.bucket.follow(prefix, tell));
     }
 
-    /// Deletes all entries of the store whose keys start with `prefix`.
+    /// Deletes all entries of the store whose keys start with `prefix`. Failure is only logged.
     pub fn forget(&self, prefix: &Key) {
         self.handle.block_on(self.bucket.forget(prefix));
     }
@@ -230,7 +233,7 @@ impl<K: Codec> NatsUplink<K> {
         names::address(&self.farm, &agent.name)
     }
 
-    /// Sends all waiting messages; gives up after some seconds.
+    /// Waits until all waiting messages are sent, at most two seconds.
     pub fn flush(&self) {
         let wait = async {
             // Send the outbox first

@@ -102,7 +102,7 @@ impl NatsNotices {
     /// Writes a notice unconditionally. Returns the number of the write.
     ///
     /// # Errors
-    /// The server does not accept it.
+    /// The server does not confirm it.
     pub fn put(&self, name: &str, text: &[u8]) -> Result<u64, BlobError> {
         let put = self.handle.block_on(self.store.put(names::key(&Key::from(name.to_owned())), text.to_vec().into()));
         put.inspect(|revision| self.wrote(name, *revision, text)).map_err(|error| BlobError::passing(name, &error))
@@ -179,10 +179,10 @@ impl NatsNotices {
         Ok(())
     }
 
-    /// Removes a notice.
+    /// Removes a notice unconditionally.
     ///
     /// # Errors
-    /// The server does not do it.
+    /// The server does not confirm it.
     pub fn remove(&self, name: &str) -> Result<(), BlobError> {
         self.handle
             .block_on(self.store.purge(names::key(&Key::from(name.to_owned()))))

@@ -12,7 +12,7 @@ pub(super) const ANSWER_TIME: Duration = Duration::from_secs(2);
 /// Timeout of the first connection.
 pub(super) const CONNECT_TIME: Duration = Duration::from_secs(5);
 
-/// The address of a farm.
+/// The address of a farm, and the name, credentials and encryption with which a member connects to it.
 #[derive(Clone, Debug, Default)]
 pub struct NatsOptions {
     /// The addresses of the farm's servers: `nats://host:4222`.
@@ -45,7 +45,7 @@ pub enum Login {
     Credentials(PathBuf),
 }
 
-/// The encryption of a connection.
+/// The encryption of a connection: whether it is required, and the certificates of both sides.
 #[derive(Clone, Debug, Default)]
 pub struct Tls {
     /// True if encryption is required.

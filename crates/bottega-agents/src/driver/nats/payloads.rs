@@ -130,12 +130,12 @@ impl NatsPayloads {
         written.map_err(|error| BlobError::passing(name, &error))
     }
 
-    /// Reads a payload; `None`: there is none of this name.
+    /// Reads a payload and returns its bytes. `None`: there is none of this name.
     ///
-    /// - `bytes_max`: larger ones are refused.
+    /// - `bytes_max`: maximum size, in bytes.
     ///
     /// # Errors
-    /// The server does not return it, or not completely.
+    /// The server does not return the payload, or it is incomplete, malformed or too large.
     pub fn get(&self, name: &str, bytes_max: usize) -> Result<Option<Vec<u8>>, BlobError> {
         let wrong = |reason: String| BlobError::lasting(name, reason);
         self.handle.block_on(async {
@@ -176,7 +176,7 @@ impl NatsPayloads {
         }
     }
 
-    /// Returns the first words of the names of all payloads.
+    /// Returns the first words of the names of all payloads, sorted; empty if the server does not answer.
     pub fn folders(&self) -> Vec<String> {
         let mut folders = Vec::new();
         self.handle.block_on(async {
@@ -191,8 +191,8 @@ impl NatsPayloads {
         folders
     }
 
-    /// Returns the approximate number of bytes by the first word of payloads' names: servers count messages, not
-    /// bytes.
+    /// Returns the approximate number of bytes by the first word of payloads' names: servers count messages, not bytes.
+    /// Empty if the server does not answer.
     pub fn bytes_by_folder(&self) -> BTreeMap<String, u64> {
         let mut counts: BTreeMap<String, u64> = BTreeMap::new();
         let all = self.handle.block_on(async {
@@ -210,7 +210,7 @@ impl NatsPayloads {
         counts.into_iter().map(|(folder, count)| (folder, bytes(count))).collect()
     }
 
-    /// Deletes all payloads whose names start with this word and `/`.
+    /// Deletes all payloads whose names start with this word and `/`. Failure is only logged.
     pub fn forget(&self, folder: &str) {
         let subjects = format!("{}{}.>", self.prefix, names::token(folder));
         let purged = self.handle.block_on(async { self.stream.purge().filter(subjects).await });

@@ -25,7 +25,7 @@ impl Pin {
         Self(pin)
     }
 
-    /// Returns the configuration of a client that accepts this server only.
+    /// Returns the TLS configuration of a client that accepts only a server with this certificate.
     pub fn client_config(self) -> ClientConfig {
         let provider = Arc::new(ring::default_provider());
         let verifier = Arc::new(OnlyThis { pin: self, provider: Arc::clone(&provider) });

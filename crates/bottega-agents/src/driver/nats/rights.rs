@@ -25,6 +25,9 @@ impl Rights {
     }
 
     /// Makes the rights of a guest: a member that works for others.
+    ///
+    /// - `farm`: the name of the farm.
+    /// - `member`: the name of the guest.
     pub fn of_guest(farm: &str, member: &str) -> Self {
         let [rows, notices] = [names::blackboard(farm), names::notices(farm)].map(|bucket| format!("KV_{bucket}"));
         let (objects, payloads) = (format!("OBJ_{}", names::objects(farm)), names::payloads(farm));

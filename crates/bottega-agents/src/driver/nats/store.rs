@@ -79,7 +79,7 @@ pub(super) async fn open(
     }
 }
 
-/// A change of entries, for followers.
+/// A report to a follower of the store: an entry, or the state of the reports.
 #[derive(Clone, Debug, PartialEq)]
 pub enum EntryUpdate<V> {
     /// The current or new state of an entry.

@@ -34,7 +34,7 @@ pub const DIRECTORY_BYTES_MAX: usize = 1 << 28;
 /// Maximum time after the end of a lease until its entry is removed.
 const SWEEP_AFTER: Duration = Duration::from_secs(1);
 
-/// The configuration of a directory.
+/// The configuration of a DF: its leases, and the directories with which it is federated.
 #[derive(Clone, Debug)]
 pub struct DfConfig {
     /// The DF's own id.
@@ -71,7 +71,7 @@ pub struct Df {
 }
 
 impl Df {
-    /// Makes an empty directory.
+    /// Makes a directory without entries; its service reads them from the store.
     pub fn new(config: DfConfig) -> Self {
         let subscriptions = DfSubscriptions::new(config.id.clone(), config.calendar);
         let federation = Federation::new(config.id.clone(), config.salt, config.federates.clone());

@@ -10,12 +10,18 @@ use super::{
 };
 use crate::{AgentId, sl, sl::Term, wire::Calendar};
 
-/// Formats a content in SL. `actor` is the agent that acts: the receiver of a request, or the sender of an answer.
+/// Returns a content in SL.
+///
+/// - `calendar`: converts times to dates.
+/// - `actor`: the agent that acts: the receiver of a request, or the sender of an answer.
 pub fn print_content(calendar: Calendar, actor: &AgentId, content: &ManagementContent) -> String {
     print_content_of(calendar, actor, content, None)
 }
 
-/// Formats an answer to `expression`, the first expression of the request or subscription, which is repeated unchanged.
+/// Returns a content in SL, as [`print_content`] does, for an answer.
+///
+/// - `expression`: the first expression of the request or subscription, which is repeated unchanged; `None`: it is made
+///   from the content.
 pub fn print_content_of(
     calendar: Calendar,
     actor: &AgentId,

@@ -38,10 +38,14 @@ fn senseless() -> Unread {
     Unread::NotUnderstood(NotUnderstoodReason::UnrecognisedValue("content".into()))
 }
 
-/// Parses the content of a message with this performative. Relative dates count from `now`.
+/// Returns the management content of a message.
+///
+/// - `now`: the time from which relative dates count.
+/// - `act`: the performative of the message.
+/// - `content`: the terms of the content, as [`crate::sl::parse`] returns them.
 ///
 /// # Errors
-/// The content does not belong to agent management.
+/// The content does not belong to agent management, or is a malformed request.
 pub fn read_content(
     calendar: Calendar,
     now: Time,
