@@ -28,7 +28,7 @@ pub struct Arrival {
 }
 
 impl Arrival {
-    /// Makes a unit without data, maximum delay or expiry.
+    /// Makes a unit of `size` items that arrives at `at`, with priority 0 and without data, maximum delay or expiry.
     pub fn new(at: Time, primitive: Primitive, size: u64) -> Self {
         let (max_delay, validity) = (Duration::MAX, Duration::MAX);
         Self { at, primitive, size, payload_bytes: 0, answer_bytes: 0, data: None, priority: 0, max_delay, validity }

@@ -26,7 +26,10 @@ pub trait WindowedResource<W: Work>: Send {
     /// Sends a packet; must not wait for its results. Its [`Reply`] may be used later, from any thread.
     fn send(&mut self, packet: Packet<W>);
 
-    /// Makes the resource ready again after a failure, or returns the reason why it is not ready yet.
+    /// Makes the resource ready again after a failure.
+    ///
+    /// # Errors
+    /// The resource is not ready yet, with the reason for the user; it is tried again after a longer suspension.
     fn recover(&mut self) -> Result<(), String> {
         Ok(())
     }
@@ -37,7 +40,7 @@ pub trait WindowedResource<W: Work>: Send {
         let _ = data;
     }
 
-    /// Returns the bytes of memory free for data, if known; called after it ran out of memory.
+    /// Returns the bytes of memory free for data; `None`: unknown. Called after the resource ran out of memory.
     fn memory_free(&self) -> Option<u64> {
         None
     }

@@ -34,7 +34,7 @@ const PLACEHOLDERS: &[&str] = &[
     "threads",
 ];
 
-/// The values of placeholders; missing ones have no value.
+/// The values of placeholders by their names.
 pub type Values = BTreeMap<&'static str, String>;
 
 /// A text with placeholders such as `{x0}` or `{x0+1}`; `{{` and `}}` are literal braces.
@@ -47,7 +47,7 @@ enum TemplatePart {
     Value { name: &'static str, plus: i64 },
 }
 
-/// The error of a placeholder without a value.
+/// The error of a placeholder without a value, with its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Missing(pub &'static str);
 
