@@ -55,7 +55,7 @@ impl BuiltinEngine {
         Self::with_prepass(scene, Arc::default(), options, devices)
     }
 
-    /// Returns an engine that shares the prepass of the scene with other engines.
+    /// Returns an engine like that of [`BuiltinEngine::new`], which shares the prepass of the scene with other engines.
     pub fn with_prepass(
         scene: Arc<PreparedScene>,
         prepass: Arc<Prepass>,

@@ -79,12 +79,12 @@ impl CancelSwitch {
 pub struct TaskProgress(Arc<AtomicU64>);
 
 impl TaskProgress {
-    /// Adds rendered samples, counted over all pixels.
+    /// Adds a number of rendered samples, counted over all pixels.
     pub fn add(&self, samples: u64) {
         self.0.fetch_add(samples, Ordering::Relaxed);
     }
 
-    /// Returns the rendered samples, counted over all pixels.
+    /// Returns the number of samples rendered so far, counted over all pixels.
     pub fn get(&self) -> u64 {
         self.0.load(Ordering::Relaxed)
     }
@@ -141,7 +141,7 @@ pub struct Painted {
     pub is_warm: bool,
     /// The time per part: disjoint parts of the rectangle. Empty if the engine does not know.
     pub parts: Vec<(Rect, Duration)>,
-    /// True if all samples were rendered; false if the order was cancelled.
+    /// True if all samples were rendered; false if the task was cancelled.
     pub complete: bool,
 }
 

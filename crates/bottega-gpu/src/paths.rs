@@ -98,7 +98,7 @@ impl GpuScenes {
     /// that no work waits for the compiler.
     ///
     /// # Errors
-    /// The kernels cannot be compiled, or the device is gone.
+    /// The kernels cannot be compiled or run, the device is lost and cannot be opened again, or its thread has ended.
     pub fn admit(&self, encoded: &EncodedScene) -> Result<(), GpuError> {
         let gone = || GpuError::Lost("its thread ended".to_owned());
         let (tell, answer) = channel();
@@ -107,10 +107,10 @@ impl GpuScenes {
     }
 
     /// Adds a scene as [`GpuScenes::admit`] does, without waiting. Until the kernels are compiled the device returns all work as
-    /// [not ready](bottega_hra::Reply::not_ready).
+    /// [not ready](bottega_hra::Reply::not_ready). An error of the compiler goes to the log.
     ///
     /// # Errors
-    /// The device was lost.
+    /// The thread of the device has ended.
     pub fn admit_later(&self, encoded: &EncodedScene) -> Result<(), GpuError> {
         self.compile(encoded, None)
     }
@@ -122,12 +122,12 @@ impl GpuScenes {
         self.messages.send(message).map_err(|_| GpuError::Lost("its thread ended".to_owned()))
     }
 
-    /// Returns the bytes of scenes uploaded to the device so far.
+    /// Returns the number of bytes of scenes uploaded to the device so far.
     pub fn sent_bytes(&self) -> u64 {
         self.shelf.sent_bytes()
     }
 
-    /// Returns the bytes of scenes on the device; data that two scenes share counts once.
+    /// Returns the size of the scenes on the device, in bytes; data that two scenes share counts once.
     pub fn resident_bytes(&self) -> u64 {
         self.shelf.resident_bytes()
     }

@@ -88,7 +88,7 @@ impl GpuRays {
         &self.info
     }
 
-    /// Returns the bytes of the scene on the device.
+    /// Returns the size of the shapes and their tree on the device, in bytes.
     pub fn memory_bytes(&self) -> u64 {
         (size_of_val(&*self.geometry.nodes) + size_of_val(&*self.geometry.shapes)) as u64
     }

@@ -113,7 +113,7 @@ where
     W: Work,
     F: Fn(W) -> W::Output + Send,
 {
-    /// Makes a lane that supports `primitives` by calling `perform`.
+    /// Makes a lane of this name that supports `primitives` by calling `perform`.
     pub fn new(name: impl Into<String>, primitives: PrimitiveSet, perform: F) -> Self {
         Self { name: name.into(), primitives, perform, work: PhantomData }
     }

@@ -85,8 +85,8 @@ impl MovingTransform {
         self.keys.iter().all(|key| key.given.matrix3 == self.keys[0].given.matrix3)
     }
 
-    /// Returns boxes around the path of a box from time 0 to time 1, each with its time, ascending. At any time between
-    /// two of them, the box interpolated linearly from both contains the moved box.
+    /// Returns boxes around the path of `object`, a box in object space, from time 0 to time 1, each with its time,
+    /// ascending. At any time between two of them, the box interpolated linearly from both contains the moved box.
     pub fn path(&self, object: &Aabb) -> Vec<(f32, Aabb)> {
         // Times within the interval where the motion changes, and both ends
         let mut times = vec![0.0];

@@ -2,7 +2,7 @@
 
 use std::io;
 
-/// Lowers the priority of this process by this many steps of `nice`; affects threads started later. Windows knows two levels:
+/// Lowers the priority of this process by this many steps of `nice`; affects threads started later. Windows has two levels:
 /// below normal, and idle from 10 steps on.
 ///
 /// # Errors

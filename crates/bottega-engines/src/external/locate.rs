@@ -35,7 +35,7 @@ pub struct LocatedEngine {
 }
 
 impl LocatedEngine {
-    /// Searches for the engine by all steps of its manifest.
+    /// Searches for the engine by all steps of its manifest. Returns the first program found in a supported version.
     ///
     /// # Errors
     /// The engine is not installed, or only in unsupported versions: with the places searched, and how to install it;

@@ -103,7 +103,7 @@ pub(super) fn ask_files(engine: &Arc<LocatedEngine>, scene: &Path, outside: &[Pa
     WorkerSession::start(engine, reads(scene, outside))?.files(scene)
 }
 
-/// A test start of a worker.
+/// The result of starting a worker without a scene, as a test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
     /// The time that the start took, in seconds.

@@ -77,7 +77,7 @@ impl Shelf {
         self.entries.get(name)
     }
 
-    /// Returns all manifests, by name.
+    /// Returns all manifests, in the order of their names.
     pub fn iter(&self) -> impl Iterator<Item = &ShelfEntry> {
         self.entries.values()
     }

@@ -35,7 +35,8 @@ impl Arrival {
     }
 }
 
-/// All units to submit, in order of time. Those with equal times form a group, known as a whole.
+/// All units to submit, in order of time. Those with equal times are submitted as a group: the allocator knows all of
+/// them, also those for which the bin has no room.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Load {
     /// The units, in the order of their arrival.

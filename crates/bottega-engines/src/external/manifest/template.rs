@@ -138,7 +138,7 @@ impl Argument {
         }
     }
 
-    /// Returns the command line, without arguments that have no value.
+    /// Returns the command line, without arguments and groups in which a placeholder has no value.
     pub fn fill_all(arguments: &[Self], values: &Values) -> Vec<String> {
         let filled = arguments.iter().filter_map(|argument| match argument {
             Self::One(template) => template.fill(values).ok().map(|one| vec![one]),
