@@ -37,6 +37,10 @@ mod redirection {
     }
 
     impl Redirection {
+        /// Redirects standard error. Blocks while another redirection lasts.
+        ///
+        /// # Errors
+        /// The system allows no temporary file, or no redirection.
         pub(super) fn begin() -> io::Result<Self> {
             let alone = REDIRECTED.lock().unwrap_or_else(PoisonError::into_inner);
             let file = tempfile::tempfile()?;

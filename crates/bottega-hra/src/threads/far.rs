@@ -71,8 +71,9 @@ impl<W: Work> Reply<W> {
         self.answer(outcomes, None, None, Fault::Refused);
     }
 
-    /// Answers like [`Reply::send`], and reports the measured traffic in both directions, which determines packet
-    /// sizes.
+    /// Answers like [`Reply::send`], and reports the measured traffic, which determines packet sizes.
+    ///
+    /// - `transfers`: the traffic to the resource, and that back.
     pub fn send_transferred(mut self, outcomes: Vec<Result<W::Output, Failed<W>>>, transfers: [Transfer; 2]) {
         self.answer(outcomes, None, Some(transfers), Fault::Refused);
     }
@@ -106,8 +107,8 @@ impl<W: Work> Reply<W> {
         self.answer(works.into_iter().map(failed).collect(), None, None, Fault::OutOfMemory);
     }
 
-    /// Returns true if the answer is still wanted: not after the packet was given up and its units done elsewhere. A
-    /// resource that is behind may skip unwanted packets.
+    /// Returns true if the answer is still needed: false after the packet was given up and its units done elsewhere. A
+    /// resource that is late may skip such packets.
     pub fn is_awaited(&self) -> bool {
         lock(&self.shared.lanes[self.lane.index()].ledger).look(self.sequence).is_some()
     }
