@@ -104,7 +104,8 @@ impl BuiltinEngine {
         }
     }
 
-    /// Keeps the light of groups of lights apart, in the averaged layers of the picture: red, green and blue of each group.
+    /// Stores the light of each group of lights separately, in the averaged layers of the picture: red, green and blue of
+    /// each group. `None`: there are no groups.
     ///
     /// # Panics
     /// The engine already renders.

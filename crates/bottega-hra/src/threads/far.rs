@@ -29,7 +29,8 @@ pub trait WindowedResource<W: Work>: Send {
     /// Makes the resource ready again after a failure.
     ///
     /// # Errors
-    /// The resource is not ready yet, with the reason for the user; it is tried again after a longer suspension.
+    /// The resource is not ready yet, with the reason for the user. It is called again after a longer suspension, until
+    /// it is given up.
     fn recover(&mut self) -> Result<(), String> {
         Ok(())
     }
