@@ -5,8 +5,11 @@ use std::{fs, path::Path, process::Command};
 /// The number of digits of a commit's hash, enough to be unique.
 const DIGITS: &str = "--short=12";
 
-/// Returns the commit of the sources, and `true` if they differ from it. `None`: git is missing, or its repository is not that of
-/// the sources.
+/// Returns the commit of the sources, and `true` if they differ from it. `None`: git is missing or fails, or its repository is
+/// not that of the sources.
+///
+/// - `root`: the root of the workspace.
+/// - `places`: the files and folders that are compared with the commit, relative to `root`.
 pub(crate) fn commit(root: &Path, places: &[&str]) -> Option<(String, bool)> {
     let top = ask(root, &["rev-parse", "--show-toplevel"])?;
     if fs::canonicalize(top).ok()? != fs::canonicalize(root).ok()? {

@@ -20,7 +20,8 @@ use std::{env, path::Path};
 use proc_macro::TokenStream;
 
 /// Expands to `(commit, is_changed, sources, compiler)`: the commit of the sources (empty without git), `true` if they differ
-/// from it, their digest, and the version of the compiler.
+/// from it, their digest, and the version of the compiler. All are string literals, except for the `bool`. If a source cannot be
+/// read, compilation fails with a message.
 ///
 /// The crates named in the arguments are left out of the digest: those that depend on the expanding crate. It is not recompiled
 /// when one of them changes.

@@ -12,9 +12,12 @@ const NOT_OF_PROGRAM: [&str; 3] = ["tests", "benches", "examples"];
 /// The number of hexadecimal digits of the digest.
 const DIGITS: usize = 12;
 
-/// Returns the digest of the sources below `root`, independent of their location and of line endings.
+/// Returns the digest of the sources below `root` as hexadecimal digits, independent of their location and of line endings.
 ///
 /// - `without`: crates to leave out.
+///
+/// # Errors
+/// A file or folder cannot be read: the text names it.
 pub(crate) fn digest(root: &Path, without: &[&str]) -> Result<String, String> {
     let mut files = Vec::new();
     for place in PLACES {

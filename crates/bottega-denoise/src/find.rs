@@ -21,7 +21,7 @@ const NAMES: &[&str] = if cfg!(target_os = "macos") {
 /// Subfolders in which archives and package managers put the library.
 const FOLDERS: [&str; 4] = ["", "lib", "lib64", "bin"];
 
-/// Returns advice on installing the library on this system.
+/// Returns advice on installing the library on this system, as one clause for messages.
 pub fn install_hint() -> String {
     let way = if cfg!(target_os = "macos") {
         "brew install open-image-denoise"

@@ -58,7 +58,7 @@ impl Denoiser {
     /// Loads the library: from the place in the environment variable [`VARIABLE`], else from the system's search path.
     ///
     /// # Errors
-    /// The library is not found, or is unusable.
+    /// The library is not found, is not Open Image Denoise 1.4 or newer, or cannot open the CPU as a device.
     pub fn load() -> Result<Self, DenoiseError> {
         find::library().map(|library| Self { library })
     }
@@ -69,14 +69,15 @@ impl Denoiser {
         format!("{}.{}.{}", version / 10_000, version / 100 % 100, version % 100)
     }
 
-    /// Denoises the color of a film, using its albedo and normals if it has them.
+    /// Denoises the color of a film, using its albedo and, together with that, its normals, if it has them. Returns a film with
+    /// the denoised color.
     ///
     /// - `use_guides`: use of albedo and normals.
     /// - `threads`: number of CPU threads.
     /// - `progress`: called now and then with the share done, 0 to 1; can cancel denoising.
     ///
     /// # Errors
-    /// The library fails, or `progress` has cancelled.
+    /// The library fails, `progress` has cancelled, or the film cannot take the layer [`NOISY`].
     pub fn denoise(
         &self,
         film: &Film,

@@ -55,7 +55,7 @@ impl BuiltinEngine {
         Self::with_prepass(scene, Arc::default(), options, devices)
     }
 
-    /// Returns an engine that shares the prepass of the scene with other engines.
+    /// Returns an engine like that of [`BuiltinEngine::new`], which shares the prepass of the scene with other engines.
     pub fn with_prepass(
         scene: Arc<PreparedScene>,
         prepass: Arc<Prepass>,
@@ -104,7 +104,8 @@ impl BuiltinEngine {
         }
     }
 
-    /// Keeps the light of groups of lights apart, in the averaged layers of the picture: red, green and blue of each group.
+    /// Stores the light of each group of lights separately, in the averaged layers of the picture: red, green and blue of
+    /// each group. `None`: there are no groups.
     ///
     /// # Panics
     /// The engine already renders.
@@ -114,7 +115,7 @@ impl BuiltinEngine {
         self
     }
 
-    /// Sets the urgency of the picture.
+    /// Sets the urgency of the picture; initially it is [`Urgency::Picture`].
     #[must_use]
     pub fn with_urgency(mut self, urgency: Urgency) -> Self {
         self.urgency = urgency;
@@ -149,12 +150,12 @@ impl BuiltinEngine {
         client
     }
 
-    /// Returns the samples taken so far, over all pixels, including those of unfinished zones.
+    /// Returns the number of samples taken so far, over all pixels, including those of unfinished zones.
     pub fn samples_done(&self) -> u64 {
         self.shared.samples_done.load(Ordering::Relaxed)
     }
 
-    /// Returns the samples so far with non-finite radiance, which count as black.
+    /// Returns the number of samples so far with non-finite radiance, which count as black.
     pub fn dropped_count(&self) -> u64 {
         self.shared.dropped_count.load(Ordering::Relaxed)
     }
@@ -169,8 +170,9 @@ impl BuiltinEngine {
     ///
     /// - `size`: columns and rows; their ratio is the aspect ratio of the camera.
     /// - `samples`: paths per pixel of this image.
+    ///
     /// # Errors
-    /// The allocator failed.
+    /// The allocator fails.
     pub fn glimpse(
         &self,
         (width, height): (u32, u32),
@@ -184,7 +186,7 @@ impl BuiltinEngine {
             .map_err(|error| EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() })
     }
 
-    /// Returns statistics of the picture's lighting agents, if it has any.
+    /// Returns statistics of the picture's lighting agents; `None`: the picture has none, or they have not started yet.
     pub fn lighting_agents(&self) -> Option<AgentReport> {
         let Shared { scene, prepass, options: BuiltinOptions { view, settings, .. }, .. } = &*self.shared;
         prepass.lighting_agents(scene, view, settings.photons?, settings.seed)

@@ -63,7 +63,7 @@ pub struct EngineDescription {
 pub struct CancelSwitch(Arc<AtomicBool>);
 
 impl CancelSwitch {
-    /// Requests the task to end soon; it is reported with the samples that it has.
+    /// Requests the task to end soon; its result then has fewer samples.
     pub fn cancel(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
@@ -79,12 +79,12 @@ impl CancelSwitch {
 pub struct TaskProgress(Arc<AtomicU64>);
 
 impl TaskProgress {
-    /// Adds rendered samples, counted over all pixels.
+    /// Adds a number of rendered samples, counted over all pixels.
     pub fn add(&self, samples: u64) {
         self.0.fetch_add(samples, Ordering::Relaxed);
     }
 
-    /// Returns the rendered samples, counted over all pixels.
+    /// Returns the number of samples rendered so far, counted over all pixels.
     pub fn get(&self) -> u64 {
         self.0.load(Ordering::Relaxed)
     }
@@ -141,7 +141,7 @@ pub struct Painted {
     pub is_warm: bool,
     /// The time per part: disjoint parts of the rectangle. Empty if the engine does not know.
     pub parts: Vec<(Rect, Duration)>,
-    /// True if all samples were rendered; false if the order was cancelled.
+    /// True if all samples were rendered; false if the task was cancelled.
     pub complete: bool,
 }
 
@@ -177,15 +177,25 @@ pub trait RenderEngine: Send + Sync {
     fn describe(&self) -> EngineDescription;
 
     /// Renders a fast, low-resolution survey of the whole picture (or of the crop window). Blocks.
+    ///
+    /// - `width`, `height`: columns and rows of the survey.
+    ///
+    /// # Errors
+    /// The engine fails.
     fn survey(&self, width: u32, height: u32) -> Result<Survey, EngineError>;
 
     /// Computes what all zones need, before the first is started, such as learned light distributions. Blocks. Optional.
     /// Without it the first zone's measured time includes this; pixels are the same.
+    ///
+    /// # Errors
+    /// The engine fails.
     fn prepare(&self) -> Result<(), EngineError> {
         Ok(())
     }
 
-    /// Computes the part of it that all machines of the picture can share. Blocks.
+    /// Computes the part of the [preparation](Self::prepare) that the machines of a picture can share. Blocks.
+    ///
+    /// - `_others`: distributes the parts among the machines, and collects their results.
     ///
     /// # Errors
     /// As for [`prepare`](Self::prepare); or it was stopped early, and is computed when it is needed.

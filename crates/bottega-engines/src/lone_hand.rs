@@ -11,7 +11,7 @@ use bottega_render::{RenderError, Sharing};
 #[derive(Debug, Default)]
 pub struct LoneHand(Mutex<SharedTime>);
 
-/// The amount of shared work.
+/// The amount of work that the machines of a picture can share.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SharedTime {
     /// Wall time of all parts.
@@ -21,7 +21,7 @@ pub struct SharedTime {
 }
 
 impl LoneHand {
-    /// Returns the amount so far.
+    /// Returns the amount of work done so far.
     pub fn so_far(&self) -> SharedTime {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }

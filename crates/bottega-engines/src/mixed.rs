@@ -58,7 +58,10 @@ impl MixedEngine {
     ///
     /// - `engines`: at least one, each with the number of zones that it renders at a time. The rules of the job may prefer
     ///   the first for simple zones and the last for complex ones.
-    /// - `surveyor`: the index of the engine that renders the survey. Panics if there is no such engine.
+    /// - `surveyor`: the index of the engine that renders the survey.
+    ///
+    /// # Panics
+    /// There is no engine with the index `surveyor`.
     pub fn new(engines: Vec<(Arc<dyn RenderEngine>, usize)>, surveyor: usize) -> Self {
         assert!(surveyor < engines.len(), "somebody must look at the scene");
         let idle = |most: usize| Load { most: most.max(1), running: 0, under_way: 0.0, speed: None, zones: 0 };
@@ -68,7 +71,8 @@ impl MixedEngine {
         Self { shared: Arc::new(MixedState { engines, desk }), surveyor }
     }
 
-    /// Returns the name of each engine with the number of zones, or passes of zones, that it has rendered.
+    /// Returns the name of each engine with the number of zones, or passes of zones, that it has rendered so far, in
+    /// the order in which the engines were given.
     pub fn zones_by_engine(&self) -> Vec<(String, u64)> {
         let names = self.shared.engines.iter().map(|engine| engine.describe().name);
         names.zip(self.shared.desk().loads.iter().map(|load| load.zones)).collect()

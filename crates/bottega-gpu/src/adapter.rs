@@ -59,8 +59,11 @@ pub fn adapters() -> Vec<AdapterInfo> {
     enumerate().iter().map(AdapterInfo::of).collect()
 }
 
-/// Chooses the device whose name contains `wanted`, ignoring case. `None`: the most preferred kind that is not a software
-/// adapter.
+/// Chooses the most preferred device whose name contains `wanted`, ignoring case. `None`: the most preferred one that is not a
+/// software adapter.
+///
+/// # Errors
+/// There is no device, none has that name, or there are only software adapters and no name is given.
 pub(crate) fn choose(wanted: Option<&str>) -> Result<(Adapter, AdapterInfo), GpuError> {
     let mut found: Vec<_> = enumerate().into_iter().map(|adapter| (AdapterInfo::of(&adapter), adapter)).collect();
     if found.is_empty() {

@@ -9,6 +9,7 @@ static DEVICES: Mutex<Vec<(u64, String, Instant)>> = Mutex::new(Vec::new());
 pub(crate) struct CompilingGuard(u64);
 
 impl CompilingGuard {
+    /// Lists the device with this name as compiling from now on.
     pub(crate) fn begin(name: &str) -> Self {
         let mut devices = devices();
         let number = devices.iter().map(|(number, ..)| number + 1).max().unwrap_or(0);

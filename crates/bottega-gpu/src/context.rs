@@ -86,6 +86,7 @@ impl Context {
         noted(&self.faults.refused).map_or(Ok(()), |message| Err(GpuError::Refused(message)))
     }
 
+    /// Creates a buffer of `size` bytes.
     pub(crate) fn buffer(&self, label: &str, size: u64, usage: BufferUsages) -> Buffer {
         self.device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
     }

@@ -70,6 +70,7 @@ struct RayBuffers {
     bindings: BindGroup,
 }
 
+/// An open device with shapes on it, which traces rays through them.
 #[derive(Debug)]
 pub(crate) struct Device {
     context: Arc<Context>,

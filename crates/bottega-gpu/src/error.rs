@@ -1,6 +1,6 @@
 //! Errors of the GPU backend.
 
-/// An error that opens or uses a GPU.
+/// An error in opening or using a GPU.
 #[derive(Debug, thiserror::Error)]
 pub enum GpuError {
     /// There is no Vulkan loader, no driver, or no device.

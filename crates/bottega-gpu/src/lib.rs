@@ -18,7 +18,6 @@
 //!
 //! # Modules
 //! | subject | files |
-//! | what | where |
 //! |---|---|
 //! | adapters, an open device, the adapter's memory | `src/adapter.rs`, `src/context.rs`, `src/memory.rs` |
 //! | scenes that a device may render, and those in its memory | `src/paths/shelf.rs`, `src/paths/resident.rs` |

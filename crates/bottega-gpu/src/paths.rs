@@ -42,10 +42,11 @@ pub struct GpuAdapter {
 }
 
 impl GpuAdapter {
-    /// Chooses the adapter whose name contains `wanted`. `None`: the best GPU, never a software adapter.
+    /// Chooses the most preferred adapter whose name contains `wanted`, ignoring case. `None`: the best GPU, never a software
+    /// adapter.
     ///
     /// # Errors
-    /// There is no such adapter.
+    /// There is no adapter, none has that name, or there are only software adapters and no name is given.
     pub fn choose(wanted: Option<&str>) -> Result<Self, GpuError> {
         let (adapter, info) = choose(wanted)?;
         Ok(Self { adapter, info })
@@ -64,7 +65,8 @@ impl GpuAdapter {
     /// Converts a scene to the layout of the device.
     ///
     /// # Errors
-    /// The device does not support the scene: [`GpuError::Unsupported`] names the missing features.
+    /// The device does not support the scene: [`GpuError::Unsupported`] names the missing features; or an array of the scene is
+    /// larger than the device can bind, or an index is out of range.
     pub fn encode(&self, scene: &Arc<PreparedScene>) -> Result<EncodedScene, GpuError> {
         let flat = PathScene::new(scene, binding_limit(&self.adapter), &self.info.name)?;
         Ok(EncodedScene { flat: Arc::new(flat), scene: Arc::clone(scene) })
@@ -96,7 +98,7 @@ impl GpuScenes {
     /// that no work waits for the compiler.
     ///
     /// # Errors
-    /// The kernels cannot be compiled, or the device is gone.
+    /// The kernels cannot be compiled or run, the device is lost and cannot be opened again, or its thread has ended.
     pub fn admit(&self, encoded: &EncodedScene) -> Result<(), GpuError> {
         let gone = || GpuError::Lost("its thread ended".to_owned());
         let (tell, answer) = channel();
@@ -105,10 +107,10 @@ impl GpuScenes {
     }
 
     /// Adds a scene as [`GpuScenes::admit`] does, without waiting. Until the kernels are compiled the device returns all work as
-    /// [not ready](bottega_hra::Reply::not_ready).
+    /// [not ready](bottega_hra::Reply::not_ready). An error of the compiler goes to the log.
     ///
     /// # Errors
-    /// The device was lost.
+    /// The thread of the device has ended.
     pub fn admit_later(&self, encoded: &EncodedScene) -> Result<(), GpuError> {
         self.compile(encoded, None)
     }
@@ -120,12 +122,12 @@ impl GpuScenes {
         self.messages.send(message).map_err(|_| GpuError::Lost("its thread ended".to_owned()))
     }
 
-    /// Returns the bytes of scenes uploaded to the device so far.
+    /// Returns the number of bytes of scenes uploaded to the device so far.
     pub fn sent_bytes(&self) -> u64 {
         self.shelf.sent_bytes()
     }
 
-    /// Returns the bytes of scenes on the device; data that two scenes share counts once.
+    /// Returns the size of the scenes on the device, in bytes; data that two scenes share counts once.
     pub fn resident_bytes(&self) -> u64 {
         self.shelf.resident_bytes()
     }
@@ -135,7 +137,7 @@ impl GpuPaths {
     /// Opens a GPU and adds a scene to it.
     ///
     /// # Errors
-    /// There is no such adapter, or it does not support the scene: [`GpuError::Unsupported`] names the missing features.
+    /// Those of [`GpuAdapter::choose`], [`GpuAdapter::encode`], [`GpuPaths::open`] and [`GpuScenes::admit`].
     pub fn new(scene: &Arc<PreparedScene>, options: &PathOptions) -> Result<Self, GpuError> {
         let adapter = GpuAdapter::choose(options.adapter.as_deref())?;
         let encoded = adapter.encode(scene)?;
@@ -147,7 +149,7 @@ impl GpuPaths {
     /// Opens a GPU without a scene.
     ///
     /// # Errors
-    /// The device cannot be opened.
+    /// The device or its thread cannot be started.
     pub fn open(adapter: GpuAdapter, options: &PathOptions) -> Result<Self, GpuError> {
         let paths = if options.paths == 0 { usual_paths(adapter.info.kind) } else { options.paths };
         let memory_bytes = options.memory.or_else(|| adapter.memory().map(|memory| for_scenes(memory, paths)));
@@ -174,7 +176,7 @@ impl GpuPaths {
         self.scenes.clone()
     }
 
-    /// Returns the reason why this does not render a block; `None`: it does.
+    /// Returns the reason why the device does not render a block, as a clause; `None`: it does.
     pub fn refuses(&self, block: &BlockWork) -> Option<String> {
         refusal(block)
     }

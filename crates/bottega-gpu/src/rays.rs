@@ -88,12 +88,15 @@ impl GpuRays {
         &self.info
     }
 
-    /// Returns the bytes of the scene on the device.
+    /// Returns the size of the shapes and their tree on the device, in bytes.
     pub fn memory_bytes(&self) -> u64 {
         (size_of_val(&*self.geometry.nodes) + size_of_val(&*self.geometry.shapes)) as u64
     }
 
-    /// Returns the closest hit of each ray. After an error the next call opens the device again.
+    /// Returns the closest hit of each ray, in the order of `rays`.
+    ///
+    /// # Errors
+    /// The device is lost, does not answer in time, or refuses a command. The next call opens it again.
     pub fn intersect(&mut self, rays: &[Ray]) -> Result<Vec<Hit>, GpuError> {
         let tile = self.tile_rays;
         let outcome = self.device()?.intersect(rays, tile);
@@ -101,7 +104,10 @@ impl GpuRays {
         outcome
     }
 
-    /// Returns `true` for each ray that hits anything. After an error the next call opens the device again.
+    /// Returns `true` for each ray that hits anything, in the order of `rays`.
+    ///
+    /// # Errors
+    /// The device is lost, does not answer in time, or refuses a command. The next call opens it again.
     pub fn occluded(&mut self, rays: &[Ray]) -> Result<Vec<bool>, GpuError> {
         let tile = self.tile_rays;
         let outcome = self.device()?.occluded(rays, tile);
@@ -115,7 +121,7 @@ impl GpuRays {
     /// - `passes`: the number of timed passes over the rays.
     ///
     /// # Errors
-    /// The device is lost.
+    /// The device is lost, does not answer in time, or refuses a command.
     pub fn rate(&mut self, rays: &[Ray], any: bool, passes: u32) -> Result<f64, GpuError> {
         let rays = &rays[..rays.len().min(self.tile_rays)];
         let time = self.device()?.time(rays, any, passes)?;

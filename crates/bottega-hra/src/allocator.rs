@@ -63,7 +63,7 @@ impl<W: Work> Hra<W> {
         Self::with_lanes(config, resources.into_iter().map(Lane::from).collect())
     }
 
-    /// Creates an allocator of resources of both kinds.
+    /// Creates an allocator of resources of both kinds. Without resources it refuses all units.
     pub fn with_lanes(config: HraConfig, lanes: Vec<Lane<W>>) -> Self {
         Self::with_costs(config, lanes, &CostBook::new(""))
     }
@@ -93,12 +93,13 @@ impl<W: Work> Hra<W> {
         self.client_of(0)
     }
 
-    /// Creates a client whose units all have this priority in addition to their own.
+    /// Creates a client with a results bin of its own, whose units all have this priority in addition to their own;
+    /// higher goes first.
     pub fn client_of(&self, priority: i32) -> HraClient<W> {
         HraClient::new(Arc::clone(&self.shared), priority)
     }
 
-    /// Returns the activity of each resource so far.
+    /// Returns the activity of each resource and of the work bin since the allocator was made.
     pub fn report(&self) -> HraReport {
         let pending = self.shared.room.taken();
         self.shared.with_core(|core, now, _| HraReport::of(core, now, pending))

@@ -31,7 +31,7 @@ struct ClientHandle<W: Work> {
 pub struct LifeTime<W: Work>(Weak<ClientHandle<W>>);
 
 impl<W: Work> LifeTime<W> {
-    /// Like [`HraClient::expire`]; does nothing if the client is gone.
+    /// Ends the life time of the client's units, as [`HraClient::expire`] does; does nothing if the client is gone.
     pub fn end(&self) {
         if let Some(handle) = self.0.upgrade() {
             handle.expire();
@@ -91,8 +91,8 @@ impl<W: Work> HraClient<W> {
 
     /// Puts units into the work bin in one call, in order; blocks whenever the bin is full.
     ///
-    /// If any of them is supported by no resource, none is accepted. If the allocator is shut down while the call
-    /// blocks, units accepted so far are answered, the others are dropped.
+    /// If no resource can do one of them, none is accepted. If the allocator is shut down while the call blocks, units
+    /// accepted so far are answered, the others are dropped.
     ///
     /// # Errors
     /// As for [`Self::submit`].
@@ -123,13 +123,14 @@ impl<W: Work> HraClient<W> {
         self.handle.results.take_many(max, None)
     }
 
-    /// Returns the number of units submitted, or being submitted, without an answer taken.
+    /// Returns the number of units submitted, or being submitted, for which no answer was taken yet.
     pub fn outstanding(&self) -> usize {
         self.handle.results.outstanding()
     }
 
-    /// Takes all waiting units of this client back; they get no answer. Those in progress do. Their maximum delay is
-    /// bounded by [`HraConfig::max_delay_bound`](crate::HraConfig::max_delay_bound).
+    /// Takes all waiting units of this client back, and returns them; they get no answer. Units in progress do. The
+    /// maximum delay of a returned unit is bounded by
+    /// [`HraConfig::max_delay_bound`](crate::HraConfig::max_delay_bound).
     pub fn cancel_pending(&self) -> Vec<WorkUnit<W>> {
         let cancelled = self.handle.shared.cancel(self.handle.id);
         self.handle.results.forget(cancelled.len());

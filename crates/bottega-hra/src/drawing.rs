@@ -15,9 +15,11 @@ const BIN: f64 = 48.0;
 /// Height of a line of text below the drawing, in pixels.
 const LINE: f64 = 18.0;
 
-/// Draws the activity of the resources as SVG: a bar per resource, with its occupation in percent, the share of the
-/// time (since the allocator was made, or `from` to `to`) in which it had work. Below are the number of units waiting
-/// in the bin, and the incidents. Needs [`HraConfig::spans_kept`](crate::HraConfig::spans_kept).
+/// Returns a drawing of the activity of the resources as SVG: a bar per resource, with its occupation in percent, the
+/// share of the drawn time in which it had work. Below are the number of units waiting in the bin, and the incidents.
+/// Needs [`HraConfig::spans_kept`](crate::HraConfig::spans_kept).
+///
+/// - `window`: start and end of the drawn time; `None`: all of the report.
 pub fn timeline_svg(report: &HraReport, window: Option<(Time, Time)>) -> String {
     let (from, to) = window.unwrap_or((Time::ZERO, Time::at(report.uptime)));
     let rows = TOP + ROW * report.resources.len() as f64;

@@ -24,8 +24,8 @@ impl<'a> RayQuery<'a> {
 
 /// Work that may be a batch of rays.
 pub trait RayWork: Work {
-    /// Returns the rays, if this work consists of rays only; [`Work::primitive`] is then `Intersect` or `Occluded` to
-    /// match.
+    /// Returns the query, if this work consists of rays only; [`Work::primitive`] is then `Intersect` or `Occluded` to
+    /// match. `None`: it is other work.
     fn query(&self) -> Option<RayQuery<'_>>;
 
     /// Makes the output from the hits, one per ray in order. Called only after [`RayQuery::Intersect`].

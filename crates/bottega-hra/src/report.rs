@@ -9,7 +9,7 @@ use crate::{
     Activity, CableUse, CostBook, CostModel, Expiries, Incident, Primitive, ResourceDescriptor, ResourceId, Span,
 };
 
-/// The state of the allocator at one moment.
+/// The report of an allocator: its state at one moment, and its work so far.
 #[derive(Clone, Debug)]
 pub struct HraReport {
     /// Time since the allocator was made.
@@ -28,7 +28,7 @@ pub struct HraReport {
     pub expiries: Expiries,
 }
 
-/// A resource since the allocator was made.
+/// The report of one resource since the allocator was made.
 #[derive(Clone, Debug)]
 pub struct ResourceReport {
     /// The id of the resource.
@@ -78,7 +78,7 @@ impl ResourceReport {
         }
     }
 
-    /// Returns the share of the time in which the resource had work, 0..=1.
+    /// Returns the share of the time in which the resource had work, 0..=1; time after its retirement does not count.
     pub fn occupation(&self) -> f64 {
         let all = (self.busy + self.idle + self.suspended).as_secs_f64();
         if all > 0.0 { self.busy.as_secs_f64() / all } else { 0.0 }
@@ -87,6 +87,8 @@ impl ResourceReport {
 
 impl HraReport {
     /// Returns all learned costs, for the next run.
+    ///
+    /// - `version`: the conditions under which they were learned, see [`CostBook`].
     pub fn costs(&self, version: impl Into<String>) -> CostBook {
         let mut book = CostBook::new(version);
         for resource in &self.resources {

@@ -18,7 +18,7 @@ impl Link {
     /// No link: the resource uses this process's memory.
     pub const LOCAL: Self = Self { latency: Duration::ZERO, bandwidth: f64::INFINITY };
 
-    /// Returns the time to send `bytes` one way, including latency.
+    /// Returns the time to send this many bytes one way, including the latency.
     pub fn transfer(&self, bytes: u64) -> Duration {
         let seconds = bytes as f64 / self.bandwidth;
         self.latency.saturating_add(Duration::try_from_secs_f64(seconds).unwrap_or(Duration::ZERO))
@@ -46,11 +46,18 @@ pub trait Resource<W: Work>: Send {
     /// Returns the description. Called once, before the first unit.
     fn descriptor(&self) -> ResourceDescriptor;
 
-    /// Does the work; only called with supported primitives. Must end in bounded time, and must not submit to the
-    /// allocator that calls it (with a full bin it deadlocks). Gives the work back if it cannot do it.
+    /// Does the work and returns its output; only called with supported primitives. Must end in bounded time, and must
+    /// not submit to the allocator that calls it (with a full bin it deadlocks).
+    ///
+    /// # Errors
+    /// The resource cannot do the work, and gives it back with the reason.
     fn perform(&mut self, work: W) -> Result<W::Output, Failed<W>>;
 
-    /// Makes the resource ready again after a failure, or returns the reason why it is not ready yet.
+    /// Makes the resource ready again after a failure.
+    ///
+    /// # Errors
+    /// The resource is not ready yet, with the reason for the user. It is called again after a longer suspension, until
+    /// it is given up.
     fn recover(&mut self) -> Result<(), String> {
         Ok(())
     }
@@ -66,7 +73,7 @@ pub trait Resource<W: Work>: Send {
         false
     }
 
-    /// Returns the bytes of memory free for data, if known; called from time to time.
+    /// Returns the bytes of memory free for data; `None`: unknown. Called from time to time.
     fn memory_free(&self) -> Option<u64> {
         None
     }
@@ -107,12 +114,12 @@ where
     W: Work,
     F: Fn(W) -> W::Output + Send,
 {
-    /// Makes a lane that supports `primitives` by calling `perform`.
+    /// Makes a lane of this name that supports `primitives` by calling `perform`.
     pub fn new(name: impl Into<String>, primitives: PrimitiveSet, perform: F) -> Self {
         Self { name: name.into(), primitives, perform, work: PhantomData }
     }
 
-    /// Returns a number of lanes, each of which supports all primitives.
+    /// Returns `threads` lanes named `cpu 0`, `cpu 1`, …, each of which supports all primitives by calling `perform`.
     pub fn lanes(threads: usize, perform: F) -> Vec<Box<dyn Resource<W>>>
     where
         F: Clone + 'static,

@@ -85,7 +85,8 @@ const fn word(activity: Activity) -> &'static str {
 }
 
 /// Returns the content of [`timeline_svg`](crate::timeline_svg) as a JSON object: activity of each resource, fill
-/// level of the bin, and incidents. All times are seconds.
+/// level of the bin, and incidents. All times are in seconds; moments count from the start of the report. The
+/// activities over time need [`HraConfig::spans_kept`](crate::HraConfig::spans_kept).
 pub fn timeline_json(report: &HraReport) -> String {
     let resource = |resource: &ResourceReport| resource.descriptor.name.clone();
     let timeline = Timeline {

@@ -18,7 +18,8 @@ pub trait Work: Send + Sized + 'static {
     /// Returns the amount of work, in the primitive's items: rays, samples or photons. The cost model is per item.
     fn size(&self) -> u64;
 
-    /// Returns the read-only data that the work needs, if it is worth keeping resident.
+    /// Returns the id of the read-only data that the work needs, if it is worth keeping in a resource's memory; `None`:
+    /// there is no such data.
     fn data(&self) -> Option<DataId> {
         None
     }
@@ -29,7 +30,7 @@ pub trait Work: Send + Sized + 'static {
         0
     }
 
-    /// Returns the bytes to send to a resource that already holds [`Work::data`].
+    /// Returns the number of bytes to send to a resource that already holds [`Work::data`].
     fn payload_bytes(&self) -> u64 {
         0
     }
@@ -46,9 +47,12 @@ pub trait Work: Send + Sized + 'static {
         None
     }
 
-    /// Checks whether `output` can be the result of work of `size` items (wrong length, NaN), much faster than the work
-    /// itself. Rejected work is done again elsewhere, if there is a [`Work::backup`]. Must not reject valid output: the
-    /// resource is given up in the end.
+    /// Checks whether `output` can be the result of work of `size` items, much faster than the work itself. Rejected
+    /// work is done again elsewhere, if there is a [`Work::backup`]. Must not reject valid output: the resource is
+    /// given up in the end.
+    ///
+    /// # Errors
+    /// The output is invalid (wrong length, NaN), with the reason for the user.
     fn check(output: &Self::Output, size: u64) -> Result<(), String> {
         let (_, _) = (output, size);
         Ok(())
@@ -74,7 +78,9 @@ pub struct WorkUnit<W> {
 }
 
 impl<W> WorkUnit<W> {
-    /// Makes a unit of priority 0 with the maximum delay, which does not expire.
+    /// Makes a unit of priority 0 with the longest possible maximum delay, which does not expire.
+    ///
+    /// - `ticket`: the caller's own number, returned with the answer. Need not be unique.
     pub fn new(work: W, ticket: u64) -> Self {
         Self { work, ticket, max_delay: Duration::MAX, priority: 0, validity: Duration::MAX }
     }
@@ -132,7 +138,7 @@ pub struct Failed<W> {
     pub reason: String,
 }
 
-/// The allocator was shut down.
+/// The error of submitting units to an allocator that was shut down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the allocator was shut down")]
 pub struct Closed;

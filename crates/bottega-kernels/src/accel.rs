@@ -77,9 +77,11 @@ impl Accel {
 
     /// Refits the structure to moved geometry: other positions, transforms and spheres, with the same counts and
     /// triangle indices. Rays get slower the farther shapes move from their places at the build. Triangles
-    /// without area and spheres of radius 0 at the build stay unhittable. A structure of moving geometry cannot be refitted.
+    /// without area and spheres of radius 0 at the build stay unhittable.
     ///
-    /// An error leaves the structure unchanged.
+    /// # Errors
+    /// Those of [`Accel::build`]; or [`BuildError::Changed`]: counts differ from the build, an instance is flattened to
+    /// nothing, or the structure has moving parts. An error leaves the structure unchanged.
     pub fn refit(
         &mut self,
         meshes: &[MeshGeometry<'_>],
@@ -90,7 +92,7 @@ impl Accel {
         Ok(())
     }
 
-    /// Returns the closest hit. At equal distance, the lower instance wins, then the lower primitive.
+    /// Returns the closest hit, or [`Hit::NONE`]. At equal distance, the lower instance wins, then the lower primitive.
     pub fn intersect(&self, ray: &Ray) -> Hit {
         self.query(ray, 0.0, &mut ClosestHit)
     }
@@ -100,18 +102,19 @@ impl Accel {
         self.query(ray, 0.0, &mut AnyHit).is_some()
     }
 
-    /// Returns the closest hit that `accept` lets pass (an alpha test). It is called for candidates in no particular
-    /// order, possibly including some that are not the closest, and must be a pure function of the candidate.
+    /// Returns the closest hit for which `accept` returns true (an alpha test), or [`Hit::NONE`]. `accept` is called
+    /// for candidates in no particular order, possibly including some that are not the closest, and must be a pure
+    /// function of the candidate.
     pub fn intersect_filtered(&self, ray: &Ray, accept: impl Fn(&Hit) -> bool) -> Hit {
         self.intersect_filtered_at(ray, 0.0, accept)
     }
 
-    /// Returns true if there is a hit that `accept` lets pass; see [`Accel::intersect_filtered`].
+    /// Returns true if there is a hit for which `accept` returns true; see [`Accel::intersect_filtered`].
     pub fn occluded_filtered(&self, ray: &Ray, accept: impl Fn(&Hit) -> bool) -> bool {
         self.occluded_filtered_at(ray, 0.0, accept)
     }
 
-    /// Returns the closest hit at a time from 0 to 1.
+    /// Returns the closest hit at a time from 0 to 1, or [`Hit::NONE`].
     pub fn intersect_at(&self, ray: &Ray, time: f32) -> Hit {
         self.query(ray, time, &mut ClosestHit)
     }
@@ -121,17 +124,19 @@ impl Accel {
         self.query(ray, time, &mut AnyHit).is_some()
     }
 
-    /// Returns the closest hit at a time from 0 to 1 that `accept` lets pass; see [`Accel::intersect_filtered`].
+    /// Returns the closest hit at a time from 0 to 1 for which `accept` returns true, or [`Hit::NONE`]; see
+    /// [`Accel::intersect_filtered`].
     pub fn intersect_filtered_at(&self, ray: &Ray, time: f32, accept: impl Fn(&Hit) -> bool) -> Hit {
         self.query(ray, time, &mut FilteredHit::<_, false>(accept))
     }
 
-    /// Returns true if there is a hit at a time from 0 to 1 that `accept` lets pass; see [`Accel::intersect_filtered`].
+    /// Returns true if there is a hit at a time from 0 to 1 for which `accept` returns true; see
+    /// [`Accel::intersect_filtered`].
     pub fn occluded_filtered_at(&self, ray: &Ray, time: f32, accept: impl Fn(&Hit) -> bool) -> bool {
         self.query(ray, time, &mut FilteredHit::<_, true>(accept)).is_some()
     }
 
-    /// Returns the closest hit; adds the number of nodes and leaves visited to `steps`.
+    /// Returns the closest hit, or [`Hit::NONE`]; adds the number of nodes and leaves visited to `steps`.
     pub fn intersect_counted(&self, ray: &Ray, steps: &mut u32) -> Hit {
         self.query(ray, 0.0, &mut CountedQuery::<false>(steps))
     }
@@ -141,7 +146,10 @@ impl Accel {
         self.query(ray, 0.0, &mut CountedQuery::<true>(steps)).is_some()
     }
 
-    /// Computes the closest hit of every ray. Panics if the lengths differ.
+    /// Writes the closest hit of every ray to `hits`, [`Hit::NONE`] for rays that hit nothing.
+    ///
+    /// # Panics
+    /// The lengths of `rays` and `hits` differ.
     pub fn intersect_batch(&self, rays: &[Ray], hits: &mut [Hit]) {
         assert_eq!(rays.len(), hits.len(), "a hit for every ray");
         for (hit, ray) in hits.iter_mut().zip(rays) {
@@ -149,7 +157,10 @@ impl Accel {
         }
     }
 
-    /// Computes for every ray whether it hits anything. Panics if the lengths differ.
+    /// Writes true to `occluded` for every ray that hits anything, and false for every other.
+    ///
+    /// # Panics
+    /// The lengths of `rays` and `occluded` differ.
     pub fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
         assert_eq!(rays.len(), occluded.len(), "an answer for every ray");
         for (hit, ray) in occluded.iter_mut().zip(rays) {

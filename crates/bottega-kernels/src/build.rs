@@ -48,6 +48,9 @@ pub(crate) struct BuiltTree {
 }
 
 /// Checks the geometry and builds the trees.
+///
+/// # Errors
+/// The geometry or its motion is invalid, or there is too much of it.
 pub(crate) fn build(
     meshes: &[MeshGeometry<'_>],
     instances: &[InstanceGeometry],

@@ -18,7 +18,7 @@ pub trait Task {
     fn run(self) -> Self::Output;
 }
 
-/// Runs a task with the best vector unit of this processor.
+/// Runs a task with the best vector unit of this processor, and returns its output.
 #[cfg(target_arch = "x86_64")]
 #[inline]
 pub fn run<T: Task>(task: T) -> T::Output {
@@ -33,7 +33,7 @@ pub fn run<T: Task>(task: T) -> T::Output {
     }
 }
 
-/// Runs a task with the best vector unit of this processor.
+/// Runs a task with the best vector unit of this processor, and returns its output.
 #[cfg(not(target_arch = "x86_64"))]
 #[inline]
 pub fn run<T: Task>(task: T) -> T::Output {

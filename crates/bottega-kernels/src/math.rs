@@ -213,14 +213,14 @@ pub fn exp2(x: f32) -> f32 {
     exp2_wide(f64::from(x)) as f32
 }
 
-/// Returns the natural logarithm: −infinity for ±0, NaN for negative numbers and NaN.
+/// Returns the natural logarithm: −infinity for ±0, infinity for infinity, NaN for negative numbers and NaN.
 #[inline]
 pub fn ln(x: f32) -> f32 {
     use std::f64::consts::LN_2;
     if x > 0.0 && x < f32::INFINITY { (log2_wide(x) * LN_2) as f32 } else { log_special(x) }
 }
 
-/// Returns the base-2 logarithm: −infinity for ±0, NaN for negative numbers and NaN.
+/// Returns the base-2 logarithm: −infinity for ±0, infinity for infinity, NaN for negative numbers and NaN.
 #[inline]
 pub fn log2(x: f32) -> f32 {
     if x > 0.0 && x < f32::INFINITY { log2_wide(x) as f32 } else { log_special(x) }
@@ -277,7 +277,7 @@ fn powf_special(x: f32, y: f32) -> f32 {
     if x.is_sign_negative() && is_odd { -power } else { power }
 }
 
-/// Returns the cube root, also of negative numbers.
+/// Returns the cube root, also of negative numbers. Returns ±0, infinities and NaN unchanged.
 #[inline]
 pub fn cbrt(x: f32) -> f32 {
     if x == 0.0 || !x.is_finite() {
@@ -307,7 +307,8 @@ fn atan_unit(t: f64) -> f64 {
     offset + t * p
 }
 
-/// Returns the angle of the vector (x, y) against the x axis, in [−π, π], with the special cases of IEEE 754 `atan2`.
+/// Returns the angle in radians of the vector (x, y) against the x axis, in [−π, π], with the special cases of IEEE 754
+/// `atan2`.
 #[inline]
 pub fn atan2(y: f32, x: f32) -> f32 {
     if x.is_nan() || y.is_nan() {
@@ -326,7 +327,7 @@ pub fn atan2(y: f32, x: f32) -> f32 {
     (a as f32).copysign(y)
 }
 
-/// Returns the arc tangent, in [−π/2, π/2].
+/// Returns the arc tangent in radians, in [−π/2, π/2]; NaN for NaN.
 #[inline]
 pub fn atan(x: f32) -> f32 {
     atan2(x, 1.0)
@@ -351,7 +352,8 @@ fn asin_half(x: f64) -> f64 {
     )
 }
 
-/// Returns the arc cosine, in [0, π]. Arguments beyond ±1, as from a rounded dot product, count as ±1; NaN for NaN.
+/// Returns the arc cosine in radians, in [0, π]. Arguments beyond ±1, as from a rounded dot product, count as ±1; NaN
+/// for NaN.
 #[inline]
 pub fn acos(x: f32) -> f32 {
     let a = f64::from(x.abs());
@@ -381,7 +383,7 @@ pub fn acos_of_four(x: [f32; 4]) -> [f32; 4] {
     })
 }
 
-/// Returns the arc sine, in [−π/2, π/2]. Arguments beyond ±1 count as ±1; NaN for NaN.
+/// Returns the arc sine in radians, in [−π/2, π/2]. Arguments beyond ±1 count as ±1; NaN for NaN.
 #[inline]
 pub fn asin(x: f32) -> f32 {
     let a = f64::from(x.abs());

@@ -1,7 +1,8 @@
 //! Prefetching of memory.
 #![cfg_attr(target_arch = "x86_64", allow(unsafe_code))]
 
-/// Prefetches an element into the caches, if it exists. Does not wait and changes nothing.
+/// Prefetches an element into the caches, if it exists. Does not wait and changes nothing. Without effect on processors
+/// other than x86-64.
 #[inline(always)]
 pub fn prefetch<T>(slice: &[T], index: usize) {
     #[cfg(target_arch = "x86_64")]

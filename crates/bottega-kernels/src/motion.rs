@@ -39,7 +39,7 @@ const STEPS_MAX: f64 = 32.0;
 
 impl MovingTransform {
     /// Makes a transformation of keys: times, ascending, and the transformations then. `None`: there is no key, the
-    /// times are not finite and ascending, or a transformation is singular, or only some of them mirror.
+    /// times do not ascend, a number is not finite, a transformation is singular, or only some of them mirror.
     pub fn new(keys: &[(f32, Affine3A)]) -> Option<Self> {
         let is_ascending = keys.windows(2).all(|pair| pair[0].0 < pair[1].0);
         let is_finite = keys.iter().all(|(time, given)| time.is_finite() && given.is_finite());
@@ -58,7 +58,7 @@ impl MovingTransform {
         Some(Self { keys: poses.into() })
     }
 
-    /// Returns the transformation at a time.
+    /// Returns the transformation at a time; NaN counts as before the first key.
     pub fn at(&self, time: f32) -> Affine3A {
         let (first, last) = (&self.keys[0], &self.keys[self.keys.len() - 1]);
         if time >= last.time {
@@ -85,8 +85,8 @@ impl MovingTransform {
         self.keys.iter().all(|key| key.given.matrix3 == self.keys[0].given.matrix3)
     }
 
-    /// Returns boxes around the path of a box from time 0 to time 1, each with its time, ascending. At any time between
-    /// two of them, the box interpolated linearly from both contains the moved box.
+    /// Returns boxes around the path of `object`, a box in object space, from time 0 to time 1, each with its time,
+    /// ascending. At any time between two of them, the box interpolated linearly from both contains the moved box.
     pub fn path(&self, object: &Aabb) -> Vec<(f32, Aabb)> {
         // Times within the interval where the motion changes, and both ends
         let mut times = vec![0.0];
@@ -325,7 +325,11 @@ pub struct KeySpan {
 }
 
 impl KeySpan {
-    /// Finds a time among ascending ones, of which there are two at least.
+    /// Returns the place of `time` among the ascending `times` of keys. A time before the first key, and NaN, gets that
+    /// key, and a time after the last key gets the last.
+    ///
+    /// # Panics
+    /// There are fewer than two keys.
     pub fn find(times: &[f32], time: f32) -> Self {
         let key = times.partition_point(|&key| key <= time).clamp(1, times.len() - 1) - 1;
         let (from, to) = (times[key], times[key + 1]);

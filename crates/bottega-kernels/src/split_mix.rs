@@ -3,12 +3,13 @@
 /// The golden ratio as a fraction of 2⁶⁴: the step of the state.
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// A generator (Steele, Lea and Flood 2014, Fast Splittable Pseudorandom Number Generators).
+/// A generator of pseudo-random numbers (Steele, Lea and Flood 2014, *Fast Splittable Pseudorandom Number Generators*).
+/// Equal seeds give equal numbers on all platforms.
 #[derive(Clone, Debug)]
 pub struct SplitMix64(u64);
 
 impl SplitMix64 {
-    /// Returns the generator of a seed.
+    /// Makes a generator from a seed.
     pub const fn new(seed: u64) -> Self {
         Self(seed)
     }

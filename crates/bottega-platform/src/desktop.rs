@@ -1,9 +1,9 @@
 //! Notifications on the user's desktop.
 
-/// Shows a notification.
+/// Shows a notification with this title and text on the user's desktop.
 ///
 /// # Errors
-/// The notification cannot be shown: there is no desktop, or the program was built without desktop support. Contains the reason.
+/// There is no desktop, it refuses, or the program was built without desktop support: the text contains the reason.
 pub fn notify(title: &str, text: &str) -> Result<(), String> {
     show(title, text).map_err(|reason| format!("the desktop shows no notifications: {reason}"))
 }

@@ -11,7 +11,7 @@ pub struct DiskSpace {
     pub total: u64,
 }
 
-/// Returns the space on the disk of a folder; `None`: the system does not report it.
+/// Returns the space on the disk of a folder; `None`: the folder does not exist, or the system does not report the space.
 #[cfg(unix)]
 pub fn space(folder: &Path) -> Option<DiskSpace> {
     let statistics = rustix::fs::statvfs(folder).ok()?;

@@ -11,13 +11,14 @@ use etcetera::base_strategy::Xdg as Usual;
 /// The name of the subfolder in each of them.
 const NAME: &str = "bottega";
 
-/// Returns the folder of settings: `$XDG_CONFIG_HOME/bottega`, or else `~/.config/bottega`, on Windows `%APPDATA%\bottega`.
+/// Returns the folder of settings: `$XDG_CONFIG_HOME/bottega`, or else `~/.config/bottega`, on Windows `%APPDATA%\bottega`;
+/// without a home folder `bottega` in the working folder. It may not exist yet.
 pub fn config_folder() -> PathBuf {
     folder("XDG_CONFIG_HOME", BaseStrategy::config_dir)
 }
 
 /// Returns the folder of state kept between runs: `$XDG_STATE_HOME/bottega`, or else `~/.local/state/bottega`, on Windows
-/// `%LOCALAPPDATA%\bottega`.
+/// `%LOCALAPPDATA%\bottega`; without a home folder `bottega` in the working folder. It may not exist yet.
 pub fn state_folder() -> PathBuf {
     folder("XDG_STATE_HOME", |base| base.state_dir().unwrap_or_else(|| base.cache_dir()))
 }

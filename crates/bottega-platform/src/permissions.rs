@@ -2,10 +2,10 @@
 
 use std::{fs, io, path::Path};
 
-/// Restricts a file or a folder to the user. Does nothing on Windows, where a user's profile is private.
+/// Restricts a file or a folder to the user: mode 0600 or 0700. Changes nothing on Windows, where a user's profile is private.
 ///
 /// # Errors
-/// The system refuses the change.
+/// The path does not exist, or the system refuses the change.
 pub fn make_private(path: &Path) -> io::Result<()> {
     #[cfg(unix)]
     {
@@ -17,7 +17,8 @@ pub fn make_private(path: &Path) -> io::Result<()> {
     fs::metadata(path).map(drop)
 }
 
-/// Returns the default permissions of new files under the user's umask; `None`: the system has no umask.
+/// Returns the permissions to create a file with, 0666, so that the system applies the user's umask to them; `None`: the system
+/// has no umask.
 pub fn by_mask() -> Option<fs::Permissions> {
     #[cfg(unix)]
     {
@@ -28,7 +29,7 @@ pub fn by_mask() -> Option<fs::Permissions> {
     None
 }
 
-/// Returns true if everybody may read a file. Always true on Windows.
+/// Returns true if every user may read a file; false if it does not exist. On Windows true for every existing file.
 pub fn is_for_all(path: &Path) -> bool {
     let Ok(found) = fs::metadata(path) else { return false };
     #[cfg(unix)]

@@ -89,7 +89,10 @@ fn job_of(child: &Child) -> io::Result<win32job::Job> {
     Ok(job)
 }
 
-/// Makes a service reload its settings, by `SIGHUP`. Returns `true` if the signal was sent; Windows has no such signal.
+/// Makes a service reload its settings, by `SIGHUP`. Returns `true` if the signal was sent; always `false` on Windows, which has
+/// no such signal.
+///
+/// - `process`: the process id of the service.
 pub fn tell_to_reread(process: u32) -> bool {
     #[cfg(unix)]
     return signal(process, rustix::process::Signal::HUP);
@@ -100,7 +103,8 @@ pub fn tell_to_reread(process: u32) -> bool {
     }
 }
 
-/// Ends a process, gracefully if the system supports that. Returns `true` if the request was sent.
+/// Ends the process with this id: requests it to end by `SIGTERM`, or kills it on Windows, which has no signals. Returns `true`
+/// if the process existed and this was allowed.
 pub fn end(process: u32) -> bool {
     #[cfg(unix)]
     return signal(process, rustix::process::Signal::TERM);
@@ -108,7 +112,8 @@ pub fn end(process: u32) -> bool {
     kill(process)
 }
 
-/// Describes how a process ended.
+/// Returns the end of a process as text: `signal 11 (segmentation fault)`, also for a shell that reports the signal of its
+/// program, or `exit code 1`.
 pub fn describe_exit(status: ExitStatus) -> String {
     #[cfg(unix)]
     {

@@ -28,7 +28,11 @@ pub struct RunHead {
 }
 
 impl RunHead {
-    /// Returns the header for measurements of this process.
+    /// Returns the header for measurements by this process.
+    ///
+    /// - `commit`: the commit of the measured program, with `-dirty` if its sources differ from it; or `unknown`.
+    /// - `build`: the build of the measured program.
+    /// - `date`: the start time of the process, as RFC 3339.
     pub fn new(commit: impl Into<String>, build: impl Into<String>, date: impl Display) -> Self {
         let count = thread::available_parallelism().map_or(1, usize::from);
         Self {
@@ -41,7 +45,7 @@ impl RunHead {
         }
     }
 
-    /// Returns name and value of each field.
+    /// Returns the name and the value of each field, in the order of the header's lines.
     pub fn fields(&self) -> [(&'static str, &str); 6] {
         [
             ("commit", &self.commit),

@@ -2,7 +2,7 @@
 
 use std::io;
 
-/// Lowers the priority of this process by this many steps of `nice`; affects threads started later. Windows knows two levels:
+/// Lowers the priority of this process by this many steps of `nice`; affects threads started later. Windows has two levels:
 /// below normal, and idle from 10 steps on.
 ///
 /// # Errors
@@ -32,8 +32,8 @@ pub fn step_back(steps: u8) -> io::Result<()> {
     if is_done { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
-/// Restricts this thread, and all that it starts later, to this many processors. Returns `true` if the system supports it,
-/// which only Linux does.
+/// Restricts this thread, and all that it starts later, to this many processors. Returns `true` if that succeeded: only on
+/// Linux, and only if this thread may use that many.
 pub fn keep_to(count: u16) -> bool {
     #[cfg(target_os = "linux")]
     {

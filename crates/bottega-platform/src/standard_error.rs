@@ -1,7 +1,8 @@
 //! Capture of standard error, for libraries such as drivers that write to it themselves.
 
-/// Runs `work` and captures what the process writes to standard error meanwhile. If the system does not allow that, the output is
-/// written as usual and the returned text is empty. Output of other threads is captured, too, so `work` should be short.
+/// Runs `work` and captures the output of the process to standard error meanwhile. Returns the result of `work` and the captured
+/// text, at most 64 KiB. If the system does not allow that, the output is written as usual and the returned text is empty. Output
+/// of other threads is captured, too, so `work` should be short.
 pub fn capture<R>(work: impl FnOnce() -> R) -> (R, String) {
     #[cfg(unix)]
     if let Ok(redirection) = redirection::Redirection::begin() {
@@ -36,6 +37,10 @@ mod redirection {
     }
 
     impl Redirection {
+        /// Redirects standard error. Blocks while another redirection lasts.
+        ///
+        /// # Errors
+        /// The system allows no temporary file, or no redirection.
         pub(super) fn begin() -> io::Result<Self> {
             let alone = REDIRECTED.lock().unwrap_or_else(PoisonError::into_inner);
             let file = tempfile::tempfile()?;

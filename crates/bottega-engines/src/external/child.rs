@@ -42,7 +42,8 @@ const WEIGH_EVERY: Duration = Duration::from_millis(500);
 const PROCESSES_MAX: usize = 1024;
 /// The time in which a child must exit by itself.
 const GRACE: Duration = Duration::from_millis(500);
-/// Returns `true` if engines can only open their own files and those of their scene on this machine.
+/// Returns `true` if the kernel of this machine (Linux with Landlock) keeps engines from opening other files than the
+/// system's, their own and those of their scene.
 pub fn is_fenced_in() -> bool {
     fence::is_enforced()
 }

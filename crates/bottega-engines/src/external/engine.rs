@@ -36,7 +36,8 @@ const SEED_MASK: u64 = (1 << 31) - 1;
 /// Radiance that counts as black: less than 16-bit files distinguish from it.
 const BLACK: f32 = 1e-6;
 
-/// A function that surveys the scene with the given columns and rows.
+/// A function that surveys the scene with the given number of columns and rows. `None`: it cannot, and the engine
+/// renders the survey.
 pub type Surveyor = Box<dyn Fn(u32, u32) -> Option<Survey> + Send + Sync>;
 
 /// The options of an external engine.
@@ -145,27 +146,28 @@ impl ExternalEngine {
         Ok(engine)
     }
 
-    /// Returns the samples taken so far, over all pixels.
+    /// Returns the number of samples taken so far, over all pixels.
     pub fn samples_done(&self) -> u64 {
         self.shared.samples_done.load(Ordering::Relaxed)
     }
 
-    /// Returns the pixels so far with non-finite values, which count as black.
+    /// Returns the number of pixels so far with non-finite values, which count as black.
     pub fn dropped_count(&self) -> u64 {
         self.shared.dropped_count.load(Ordering::Relaxed)
     }
 
-    /// Shows each window to `watcher` when it is rendered. Only the first call has an effect.
+    /// Passes the running sums of each window to `watcher` when it is rendered, on a thread of the engine. Only the
+    /// first call has an effect.
     pub fn watch(&self, watcher: impl Fn(&Tile) + Send + Sync + 'static) {
         let _ = self.shared.watcher.set(Box::new(watcher));
     }
 
-    /// Reports each failure to `watcher`. Only the first call has an effect.
+    /// Passes the text of each failure to `watcher`, on a thread of the engine. Only the first call has an effect.
     pub fn watch_faults(&self, watcher: impl Fn(&str) + Send + Sync + 'static) {
         let _ = self.shared.fault_watcher.set(Box::new(watcher));
     }
 
-    /// Returns the reason if the engine is quarantined.
+    /// Returns [`EngineFault::Quarantined`], with the reason, if the engine is quarantined; `None`: it is not.
     pub fn quarantine(&self) -> Option<EngineFault> {
         self.shared.quarantine()
     }

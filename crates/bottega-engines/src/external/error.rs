@@ -170,7 +170,7 @@ impl EngineFault {
         }
     }
 
-    /// Returns the error and its chain of causes in one line.
+    /// Returns the error and its chain of causes, separated by colons; several lines if it contains the end of a log.
     pub fn report(&self) -> String {
         use std::error::Error;
         let mut text = self.to_string();

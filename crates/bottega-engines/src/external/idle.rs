@@ -39,7 +39,7 @@ struct IdleSession {
 pub struct KeptEngines(());
 
 impl KeptEngines {
-    /// Begins to keep workers.
+    /// Lets workers wait from now on, until the returned value is dropped.
     pub fn begin() -> Self {
         idle().keepers += 1;
         Self(())
@@ -99,7 +99,7 @@ impl Session {
     /// because two scenes may not fit in memory.
     ///
     /// # Errors
-    /// The engine does not start, or refuses the scene.
+    /// The engine is quarantined, does not start, or refuses the scene.
     pub fn open_again(engine: &Arc<LocatedEngine>, request: &SceneRequest) -> Result<Self, EngineFault> {
         let (identity, mut found) = (engine.identity(), None);
         for waiting in taken(|_| true) {

@@ -35,10 +35,11 @@ pub struct LocatedEngine {
 }
 
 impl LocatedEngine {
-    /// Searches for the engine by all steps of its manifest.
+    /// Searches for the engine by all steps of its manifest. Returns the first program found in a supported version.
     ///
     /// # Errors
-    /// The engine is not installed, or only in unsupported versions: with the places searched, and how to install it.
+    /// The engine is not installed, or only in unsupported versions: with the places searched, and how to install it;
+    /// or the folder for temporary files cannot be created.
     pub fn find(entry: &ShelfEntry) -> Result<Self, EngineFault> {
         let manifest = &entry.manifest;
         let scratch = Scratch::new()?;
@@ -66,7 +67,7 @@ impl LocatedEngine {
         })
     }
 
-    /// Returns the manifest.
+    /// Returns the manifest of the engine.
     pub fn manifest(&self) -> &Manifest {
         &self.entry.manifest
     }
@@ -169,7 +170,7 @@ pub(super) fn run(
     }
 }
 
-/// Returns the manifest's install instructions for this system.
+/// Returns the manifest's install instructions for this system as a clause, such as `to install it: …`.
 pub fn install_hint(manifest: &Manifest) -> String {
     let system = std::fs::read_to_string("/etc/os-release").unwrap_or_default();
     let value = |key: &str| {

@@ -352,7 +352,7 @@ impl Manifest {
     /// - `path`: the path for errors; its file stem must be the name of the engine.
     ///
     /// # Errors
-    /// The text is invalid: with line and column.
+    /// The text is larger than 1 MiB, or invalid: with line and column.
     pub fn parse(path: &std::path::Path, text: &str) -> Result<Self, ManifestError> {
         let wrong = |span: std::ops::Range<usize>, problem: String| {
             let before = text.get(..span.start).unwrap_or(text);
@@ -433,7 +433,7 @@ impl Manifest {
         }
     }
 
-    /// Returns true if the engine supports files of this extension.
+    /// Returns true if the engine supports scenes with the file extension of `scene`, in upper or lower case.
     pub fn takes(&self, scene: &std::path::Path) -> bool {
         let extension = scene.extension().map(|it| it.to_string_lossy().to_lowercase()).unwrap_or_default();
         self.scene.extensions.contains(&extension)

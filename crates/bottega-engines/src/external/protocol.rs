@@ -105,7 +105,7 @@ impl Opened {
         self.window_seconds.filter(|seconds| (0.0..f64::from(u16::MAX)).contains(seconds))
     }
 
-    /// Returns the layers in the form that a film uses.
+    /// Returns the layers that the worker announced, in the form that a film uses.
     pub fn layers(&self) -> impl Iterator<Item = Layer> {
         self.layers.iter().map(|OpenedLayer { name, channels, combine, .. }| Layer {
             name: name.clone(),
@@ -133,7 +133,7 @@ pub struct OpenedLayer {
     pub shared: bool,
 }
 
-/// The combination of several passes of a layer.
+/// The combination of several passes of a layer, as the worker names it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CombineWord {

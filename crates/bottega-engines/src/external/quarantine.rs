@@ -36,7 +36,8 @@ pub struct Quarantine {
 /// The folder of the quarantine files.
 static FOLDER: OnceLock<PathBuf> = OnceLock::new();
 
-/// Sets the folder in which quarantines are stored. Only the first call has an effect.
+/// Sets the folder in which quarantines are stored; without it they end with this process. Only the first call has an
+/// effect.
 pub fn keep_quarantines_in(folder: PathBuf) {
     let _ = FOLDER.set(folder);
 }
@@ -74,7 +75,8 @@ fn write(path: &Path, found: &Quarantine) -> io::Result<()> {
     bottega_image::write_whole(path, &bytes).map_err(io::Error::other)
 }
 
-/// Returns the quarantine of this version of an engine, if any.
+/// Returns the quarantine of this version of an engine; `None`: it is not quarantined, or its file cannot be read, as
+/// the log then says.
 pub fn quarantine(engine: &LocatedEngine) -> Option<Quarantine> {
     let name = &engine.manifest().name;
     let kept = FOLDER.get().and_then(|folder| {

@@ -20,13 +20,15 @@ const FILES_MAX: usize = 4096;
 const TEXT_MAX: u64 = 64 << 20;
 
 impl LocatedEngine {
-    /// Returns the files that a scene refers to, without the scene file itself.
+    /// Returns the files that a scene refers to, without the scene file itself; none if scenes of this engine are
+    /// single files.
     ///
+    /// - `scene`: the path of the scene file.
     /// - `outside`: files and folders that the engine may read in addition to the scene's folder, see
     ///   [`SceneRequest`](super::SceneRequest).
     ///
     /// # Errors
-    /// The worker cannot list them.
+    /// The engine's worker is needed for the list, and does not start or cannot list the files.
     pub fn scene_files(self: &Arc<Self>, scene: &Path, outside: &[PathBuf]) -> Result<Files, EngineFault> {
         match self.manifest().scene.refers {
             Refers::Worker => ask_files(self, scene, outside),

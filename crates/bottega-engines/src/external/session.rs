@@ -34,7 +34,7 @@ impl Session {
     /// Starts an engine and opens a scene.
     ///
     /// # Errors
-    /// The engine does not start, or refuses the scene.
+    /// The engine is quarantined, does not start, or refuses the scene.
     pub fn open(engine: &Arc<LocatedEngine>, request: &SceneRequest) -> Result<Self, EngineFault> {
         quarantine::check(engine)?;
         match engine.manifest().kind {
@@ -53,7 +53,7 @@ impl Session {
     /// Opens the scene again with another request, for example in another size.
     ///
     /// # Errors
-    /// The engine refuses the request.
+    /// The engine refuses the request; or those of [`Session::open`], if it must be started again.
     pub fn reopen(&mut self, engine: &Arc<LocatedEngine>, request: &SceneRequest) -> Result<(), EngineFault> {
         match &mut self.driver {
             // A worker can only read the files of the scene for which it was started.
@@ -93,17 +93,17 @@ impl Session {
     }
 }
 
-/// Asks a worker which files a scene refers to.
-///
-/// # Errors
-/// The engine does not start, or cannot tell.
+/// Starts a worker and returns its list of the files that a scene refers to.
 ///
 /// - `outside`: see [`SceneRequest`].
+///
+/// # Errors
+/// The worker does not start, or cannot list them.
 pub(super) fn ask_files(engine: &Arc<LocatedEngine>, scene: &Path, outside: &[PathBuf]) -> Result<Files, EngineFault> {
     WorkerSession::start(engine, reads(scene, outside))?.files(scene)
 }
 
-/// A test start of a worker.
+/// The result of starting a worker without a scene, as a test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
     /// The time that the start took, in seconds.
@@ -111,7 +111,7 @@ pub struct Probe {
 }
 
 impl Probe {
-    /// Starts a worker and stops it again.
+    /// Starts a worker without a scene and stops it again. Returns the time that the start took.
     ///
     /// # Errors
     /// The worker does not start, or violates the protocol.

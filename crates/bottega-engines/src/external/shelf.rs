@@ -33,7 +33,8 @@ pub struct Shelf {
 }
 
 impl Shelf {
-    /// Loads the built-in manifests, and those in the given folders that exist.
+    /// Loads the built-in manifests, and all `*.toml` in the given folders that exist. The field `broken` then has the
+    /// errors of those that cannot be read.
     pub fn open(folders: &[PathBuf]) -> Self {
         let mut shelf = Self::default();
         for (name, text) in shipped::MANIFESTS {
@@ -76,7 +77,7 @@ impl Shelf {
         self.entries.get(name)
     }
 
-    /// Returns all manifests, by name.
+    /// Returns all manifests, in the order of their names.
     pub fn iter(&self) -> impl Iterator<Item = &ShelfEntry> {
         self.entries.values()
     }
@@ -91,15 +92,19 @@ impl Shelf {
 impl ShelfEntry {
     /// Parses a manifest that is not in a folder of manifests.
     ///
+    /// - `path`: the path of the manifest; its file stem must be the name of the engine.
+    /// - `text`: the content of the manifest.
+    ///
     /// # Errors
-    /// The text is invalid.
+    /// The text is invalid: with line and column.
     pub fn from_file(path: &Path, text: &str) -> Result<Self, ManifestError> {
         let manifest = Arc::new(Manifest::parse(path, text)?);
         let folder = path.parent().unwrap_or(Path::new(".")).to_owned();
         Ok(Self { manifest, folder: Some(folder), text: text.into() })
     }
 
-    /// Returns the path of its rules, with their text if they are built in; `None`: it has no rules of its own.
+    /// Returns the path of the engine's rules, with their text if they are built in; `None`: it has no rules of its
+    /// own.
     pub fn rules(&self) -> Option<(PathBuf, Option<&'static str>)> {
         let name = self.manifest.rules.as_ref()?;
         match &self.folder {
@@ -125,7 +130,8 @@ impl ShelfEntry {
         Ok(())
     }
 
-    /// Returns what determines the engine's pictures: the bytes of the manifest and the scripts.
+    /// Returns the bytes of the manifest and of its scripts, which determine the engine's pictures. A script that
+    /// cannot be read counts as empty.
     pub fn identity(&self) -> Vec<u8> {
         let mut bytes = self.text.as_bytes().to_vec();
         for name in &self.manifest.files {

@@ -35,7 +35,8 @@ const RULES: &[(&str, &str)] = &[
     ("povray.fcl", include_str!("../../../../rules/povray.fcl")),
 ];
 
-/// Returns the text of an engine's rules, by file name with or without the extension.
+/// Returns the text of an engine's built-in rules, by file name with or without the extension; `None`: there are none
+/// of this name.
 pub fn rules(name: &Path) -> Option<&'static str> {
     let is_it = |known: &str| Path::new(known) == name || known.strip_suffix(".fcl").map(Path::new) == Some(name);
     RULES.iter().find(|(known, _)| is_it(known)).map(|(_, text)| *text)

@@ -22,10 +22,10 @@ pub struct EngineTrial {
 }
 
 impl EngineTrial {
-    /// Starts the engine with the scene, in the size of the request.
+    /// Starts the engine with the scene, in the size of the request, which must be given.
     ///
     /// # Errors
-    /// The engine cannot open the scene.
+    /// The engine is quarantined, does not start, or refuses the scene.
     pub fn begin(located: &Arc<LocatedEngine>, request: &SceneRequest, seed: u64) -> Result<Self, EngineFault> {
         let session = Session::open(located, request)?;
         let (width, height) = request.size.unwrap_or_default();
@@ -47,7 +47,7 @@ impl EngineTrial {
     /// Renders windows of the frame, one after another. Returns the frame, empty outside of the windows, and the elapsed
     /// time.
     ///
-    /// - `windows`: in pixels of the frame.
+    /// - `windows`: disjoint rectangles, in pixels of the frame.
     /// - `samples`: samples per pixel.
     ///
     /// # Errors

@@ -82,7 +82,7 @@ impl PathScene {
         ]
     }
 
-    /// Returns the bytes of the scene on the device.
+    /// Returns the size of the scene on the device, in bytes.
     pub(super) fn memory_bytes(&self) -> u64 {
         self.arrays().iter().map(|(_, bytes)| bytes.len() as u64).sum()
     }

@@ -34,7 +34,7 @@ pub struct EncodedScene {
 }
 
 impl EncodedScene {
-    /// Returns the bytes of the scene on the device.
+    /// Returns the size of the scene on the device, in bytes.
     pub fn bytes(&self) -> u64 {
         self.flat.memory_bytes()
     }
@@ -51,12 +51,12 @@ impl SceneShelf {
         scenes.insert(scene.data_id(), shelved);
     }
 
-    /// Returns the bytes of scenes uploaded to the device so far.
+    /// Returns the number of bytes of scenes uploaded to the device so far.
     pub(super) fn sent_bytes(&self) -> u64 {
         self.sent_bytes.load(Ordering::Relaxed)
     }
 
-    /// Returns the bytes of scenes on the device; data that two scenes share counts once.
+    /// Returns the size of the scenes on the device, in bytes; data that two scenes share counts once.
     pub(super) fn resident_bytes(&self) -> u64 {
         self.resident_bytes.load(Ordering::Relaxed)
     }

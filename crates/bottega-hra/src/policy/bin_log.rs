@@ -22,7 +22,7 @@ pub struct BinReport {
     pub steps: Vec<BinStep>,
 }
 
-/// The bin during one time step.
+/// The fill level of the work bin during one time step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BinStep {
     /// The start of the step.

@@ -83,8 +83,10 @@ impl CostBook {
 
     /// Parses the JSON of [`CostBook::to_json`].
     ///
+    /// - `version`: the version under which the costs must have been learned.
+    ///
     /// # Errors
-    /// The text is too long, is not such JSON, or has another format or version.
+    /// The text is too long, is not such JSON, has another format or version, or has an invalid cost.
     pub fn from_json(text: &str, version: &str) -> Result<Self, CostBookError> {
         if text.len() > TEXT_MAX {
             return Err(CostBookError::TooLong(text.len()));
@@ -112,7 +114,7 @@ impl CostBook {
         Ok(book)
     }
 
-    /// Returns the book as JSON.
+    /// Returns the book as JSON, without costs that were never measured.
     pub fn to_json(&self) -> String {
         let entries = |costs: &[CostModel; Primitive::COUNT]| {
             let known = Primitive::ALL.into_iter().filter(|primitive| costs[primitive.index()].units() > 0);
@@ -123,13 +125,14 @@ impl CostBook {
         serde_json::to_string_pretty(&text).unwrap_or_default()
     }
 
-    /// Returns the cost of a primitive on a resource, if known.
+    /// Returns the cost of a primitive on the resource of this name; `None`: it was never measured.
     pub fn get(&self, resource: &str, primitive: Primitive) -> Option<&CostModel> {
         let costs = self.costs.get(kind_of(resource))?;
         Some(&costs[primitive.index()]).filter(|cost| cost.units() > 0)
     }
 
-    /// Sets the cost on a resource; of several lanes of one kind, the one with most measurements is kept.
+    /// Sets the cost of a primitive on the resource of this name; of several lanes of one kind, the cost with the most
+    /// measurements is kept.
     pub fn set(&mut self, resource: &str, primitive: Primitive, cost: CostModel) {
         let costs = self.costs.entry(kind_of(resource).to_owned()).or_default();
         let known = &mut costs[primitive.index()];

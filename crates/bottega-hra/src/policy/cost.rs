@@ -63,7 +63,7 @@ impl CostModel {
         Self { units, items, mean_size, mean_ns, fixed_ns, miss, ..Self::default() }
     }
 
-    /// Adds a measurement: `size` items took `busy`.
+    /// Adds a measurement: one unit of `size` items took `busy`.
     pub fn observe(&mut self, size: u64, busy: Duration) {
         self.observe_many(1, size, busy);
     }
@@ -100,7 +100,7 @@ impl CostModel {
         self.items
     }
 
-    /// Nanoseconds per additional item; not negative.
+    /// Returns the nanoseconds per additional item; not negative.
     pub fn ns_per_item(&self) -> f64 {
         self.parts().1
     }
@@ -110,18 +110,19 @@ impl CostModel {
         self.parts().0
     }
 
-    /// Returns the expected time of a unit; `None` without measurements.
+    /// Returns the expected time of a unit of `size` items; `None` without measurements.
     pub fn predict(&self, size: u64) -> Option<Duration> {
         self.predict_ns(size).map(|ns| Duration::from_nanos(ns as u64))
     }
 
-    /// Returns the expected time in nanoseconds.
+    /// Returns the expected time in nanoseconds; `None` without measurements.
     pub(crate) fn predict_ns(&self, size: u64) -> Option<f64> {
         let (fixed, per_item) = self.parts();
         (self.units > 0).then_some(fixed + per_item * size as f64)
     }
 
-    /// Returns the relative prediction error (root mean square); `None` before two measurements.
+    /// Returns the root mean square of the relative prediction error, 0.1 for 10 %; `None` before two units were
+    /// measured.
     pub fn uncertainty(&self) -> Option<f64> {
         (self.units > 1).then(|| self.miss.sqrt())
     }
@@ -138,8 +139,11 @@ impl CostModel {
 }
 
 /// Divides `total` items among resources with these costs so that all that get any finish at the same time: within 2 %
-/// of each other, if an item takes less than that of the whole. `None`, and a model without measurements, stand for a
-/// resource that gets nothing. All zero if there is no other.
+/// of each other, if an item takes less than that of the whole. Returns the number of items for each resource, in the
+/// order of `costs`.
+///
+/// - `costs`: a resource whose cost is `None`, or has no measurements, gets no items; if all are like that, the items
+///   are not divided, and all numbers are 0.
 pub fn split_work(total: u64, costs: &[Option<CostModel>]) -> Vec<u64> {
     let line = |cost: &Option<CostModel>| cost.filter(|cost| cost.units() > 0).map(|cost| cost.parts());
     super::plan::split(total, &costs.iter().map(line).collect::<Vec<_>>())

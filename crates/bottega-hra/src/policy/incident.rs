@@ -31,7 +31,8 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// Returns a description for users.
+    /// Returns the fault as a predicate, such as `gave work back`: for messages, and in the JSON of
+    /// [`timeline_json`](crate::timeline_json).
     pub const fn name(self) -> &'static str {
         match self {
             Self::Refused => "gave work back",

@@ -148,7 +148,7 @@ impl LaneState {
         }
     }
 
-    /// Nanoseconds of the resource for a unit, without transfer; `None`: unknown.
+    /// Returns the nanoseconds of the resource for a unit, without transfer; `None`: unknown.
     pub(crate) fn predict_ns(&self, primitive: Primitive, size: u64) -> Option<f64> {
         let index = primitive.index();
         self.costs[index].predict_ns(size).or_else(|| self.guesses[index].map(|item| item * size as f64))
@@ -206,13 +206,13 @@ impl LaneState {
         done.max(now)
     }
 
-    /// Nanoseconds to send data that is not resident.
+    /// Returns the nanoseconds to send data that is not resident; 0 for data that is.
     pub(crate) fn moving_ns(&self, data: Option<Data>) -> f64 {
         let missing = data.filter(|data| !self.residency.is_resident(data.id));
         missing.map_or(0.0, |data| self.cable.moving_ns(data.bytes))
     }
 
-    /// Nanoseconds for the bytes of a unit and its non-resident data, plus those of its answer.
+    /// Returns the nanoseconds for the bytes of a unit and its non-resident data, plus those of its answer.
     pub(crate) fn longest_way_ns(&self, unit: &UnitNeeds) -> f64 {
         let way_ns = if self.flow.is_some() { self.cable.way_ns(unit.bytes) } else { 0.0 };
         self.moving_ns(unit.data) + way_ns
@@ -231,7 +231,7 @@ impl LaneState {
         Some(now.plus_ns(self.latency_ns()).max(self.free_at(now)).plus_ns(service))
     }
 
-    /// Nanoseconds per packet, and per unit of `size` items; `None`: unknown.
+    /// Returns the nanoseconds per packet, and per unit of `size` items; `None`: unknown.
     pub(crate) fn cost_ns(&self, primitive: Primitive, size: u64) -> Option<(f64, f64)> {
         let cost = &self.costs[primitive.index()];
         (cost.units() > 0).then(|| (cost.fixed_ns(), cost.ns_per_item() * size as f64))

@@ -9,20 +9,20 @@ pub struct Time(u64);
 impl Time {
     /// The moment at which the allocator was made.
     pub const ZERO: Self = Self(0);
-    /// Later than every event; about 584 years.
+    /// A moment later than every event: about 584 years after the start.
     pub const NEVER: Self = Self(u64::MAX);
 
-    /// Makes the moment this many nanoseconds after the start.
+    /// Makes the moment this many nanoseconds after the allocator was made.
     pub const fn from_nanos(nanos: u64) -> Self {
         Self(nanos)
     }
 
-    /// Nanoseconds since the start.
+    /// Returns the nanoseconds since the allocator was made.
     pub const fn nanos(self) -> u64 {
         self.0
     }
 
-    /// Makes the moment this long after the start.
+    /// Makes the moment this long after the allocator was made, at most [`Time::NEVER`].
     pub fn at(elapsed: Duration) -> Self {
         Self::ZERO.after(elapsed)
     }
@@ -39,7 +39,7 @@ impl Time {
         Self(self.0.saturating_add(nanos.ceil() as u64))
     }
 
-    /// Returns the time since `earlier`; zero if `earlier` is later.
+    /// Returns the time from `earlier` to this moment; zero if `earlier` is later.
     pub fn since(self, earlier: Self) -> Duration {
         Duration::from_nanos(self.0.saturating_sub(earlier.0))
     }

@@ -27,6 +27,7 @@ pub(super) struct Fate {
     pub(super) fault: Option<Fault>,
 }
 
+/// A device in virtual time: its model and its state.
 pub(super) struct SimulatedDevice {
     model: Model,
     random: LoadRandom,

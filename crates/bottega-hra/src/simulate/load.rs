@@ -28,14 +28,15 @@ pub struct Arrival {
 }
 
 impl Arrival {
-    /// Makes a unit without data, maximum delay or expiry.
+    /// Makes a unit of `size` items that arrives at `at`, with priority 0 and without data, maximum delay or expiry.
     pub fn new(at: Time, primitive: Primitive, size: u64) -> Self {
         let (max_delay, validity) = (Duration::MAX, Duration::MAX);
         Self { at, primitive, size, payload_bytes: 0, answer_bytes: 0, data: None, priority: 0, max_delay, validity }
     }
 }
 
-/// All units to submit, in order of time. Those with equal times form a group, known as a whole.
+/// All units to submit, in order of time. Those with equal times are submitted as a group: the allocator knows all of
+/// them, also those for which the bin has no room.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Load {
     /// The units, in the order of their arrival.

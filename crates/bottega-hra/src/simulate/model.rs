@@ -41,7 +41,8 @@ pub struct Faults {
 }
 
 impl Model {
-    /// Makes a resource without faults next to the processor, with `ns_per_item` for every primitive.
+    /// Makes a directly called resource without faults, link or limit of memory, which takes `ns_per_item` nanoseconds
+    /// per item of every primitive.
     pub fn near(name: impl Into<String>, ns_per_item: f64) -> Self {
         Self {
             name: name.into(),
@@ -55,7 +56,7 @@ impl Model {
         }
     }
 
-    /// Makes a resource without faults behind a link.
+    /// Makes a resource behind a link, with a default window and otherwise as by [`Model::near`].
     pub fn far(name: impl Into<String>, ns_per_item: f64, link: Link) -> Self {
         Self { link, window: Some(Window::default()), ..Self::near(name, ns_per_item) }
     }

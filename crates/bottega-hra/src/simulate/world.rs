@@ -49,7 +49,7 @@ pub struct DayOutcome {
 }
 
 impl DayOutcome {
-    /// Returns the number of successful units.
+    /// Returns the number of units that were done without an error.
     pub fn done(&self) -> usize {
         self.answers.iter().flatten().filter(|answer| answer.outcome == Some(Ok(()))).count()
     }
@@ -61,6 +61,10 @@ impl DayOutcome {
 }
 
 /// Runs a load until every unit is answered. Equal arguments give equal outcomes.
+///
+/// - `models`: the resources of the allocator.
+/// - `costs`: the costs that are known at the start.
+/// - `seed`: the seed of the noise of times and of faults.
 ///
 /// Every unit can be attempted again, like one with a [`Work::backup`](crate::Work::backup).
 pub fn simulate(config: HraConfig, models: &[Model], load: &Load, costs: &CostBook, seed: u64) -> DayOutcome {

@@ -26,7 +26,11 @@ pub trait WindowedResource<W: Work>: Send {
     /// Sends a packet; must not wait for its results. Its [`Reply`] may be used later, from any thread.
     fn send(&mut self, packet: Packet<W>);
 
-    /// Makes the resource ready again after a failure, or returns the reason why it is not ready yet.
+    /// Makes the resource ready again after a failure.
+    ///
+    /// # Errors
+    /// The resource is not ready yet, with the reason for the user. It is called again after a longer suspension, until
+    /// it is given up.
     fn recover(&mut self) -> Result<(), String> {
         Ok(())
     }
@@ -37,7 +41,7 @@ pub trait WindowedResource<W: Work>: Send {
         let _ = data;
     }
 
-    /// Returns the bytes of memory free for data, if known; called after it ran out of memory.
+    /// Returns the bytes of memory free for data; `None`: unknown. Called after the resource ran out of memory.
     fn memory_free(&self) -> Option<u64> {
         None
     }
@@ -68,8 +72,9 @@ impl<W: Work> Reply<W> {
         self.answer(outcomes, None, None, Fault::Refused);
     }
 
-    /// Answers like [`Reply::send`], and reports the measured traffic in both directions, which determines packet
-    /// sizes.
+    /// Answers like [`Reply::send`], and reports the measured traffic, which determines packet sizes.
+    ///
+    /// - `transfers`: the traffic to the resource, and that back.
     pub fn send_transferred(mut self, outcomes: Vec<Result<W::Output, Failed<W>>>, transfers: [Transfer; 2]) {
         self.answer(outcomes, None, Some(transfers), Fault::Refused);
     }
@@ -103,8 +108,8 @@ impl<W: Work> Reply<W> {
         self.answer(works.into_iter().map(failed).collect(), None, None, Fault::OutOfMemory);
     }
 
-    /// Returns true if the answer is still wanted: not after the packet was given up and its units done elsewhere. A
-    /// resource that is behind may skip unwanted packets.
+    /// Returns true if the answer is still needed: false after the packet was given up and its units done elsewhere. A
+    /// resource that is late may skip such packets.
     pub fn is_awaited(&self) -> bool {
         lock(&self.shared.lanes[self.lane.index()].ledger).look(self.sequence).is_some()
     }

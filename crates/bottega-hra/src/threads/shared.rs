@@ -58,6 +58,7 @@ pub(crate) enum LaneEnd {
     Over,
 }
 
+/// The state of an allocator.
 pub(crate) struct AllocatorState<W: Work> {
     core: Mutex<Core<UnitPayload<W>>>,
     pub(crate) clients: Clients<W::Output>,

@@ -50,7 +50,7 @@ where
     W: Work,
     F: Fn(W) -> W::Output + Send,
 {
-    /// Makes a device with these parameters, whose results come from `perform`.
+    /// Makes a device with these parameters, whose outputs come from `perform`, called on this machine.
     pub fn new(name: impl Into<String>, model: SimulatedModel, perform: F) -> Self {
         let now = Instant::now();
         Self { name: name.into(), model, perform, far_end: None, link_free: now, device_free: now, units: 0 }

@@ -29,7 +29,7 @@ impl BinaryTree {
     /// Builds the tree over `shapes`, all finite, fewer than 2³¹. Triangles without area are in no leaf.
     ///
     /// - `leaf_size`: maximal number of shapes in a leaf.
-    /// - `threads`: 0: all.
+    /// - `threads`: number of CPU threads; 0: all.
     pub fn build(shapes: &[Shape], leaf_size: usize, threads: usize) -> Self {
         with_threads(threads, |parallel| {
             let corners = |id: u32| match shapes[id as usize] {

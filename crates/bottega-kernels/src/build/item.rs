@@ -14,7 +14,7 @@ impl ItemSpan {
     /// The empty box.
     pub(super) const EMPTY: Self = Self([f32::INFINITY; 8]);
 
-    /// Returns the box around both.
+    /// Returns the smallest box around both boxes.
     #[inline(always)]
     pub(super) fn union(&self, other: &Self) -> Self {
         Self(std::array::from_fn(|lane| self.0[lane].min(other.0[lane])))

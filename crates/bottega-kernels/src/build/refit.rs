@@ -12,7 +12,12 @@ pub(crate) fn topology(meshes: &[MeshGeometry<'_>], instances: &[InstanceGeometr
     instances.iter().map(|i| (i.mesh, meshes[i.mesh as usize].triangles.len() as u32)).collect()
 }
 
-/// Refits the tree. Returns the box around everything. An error leaves the tree unchanged.
+/// Refits the tree. Returns the box around everything that can be hit.
+///
+/// - `known`: the [`topology`] at the build.
+///
+/// # Errors
+/// The geometry is invalid or has another topology, or the tree has moving parts. An error leaves the tree unchanged.
 pub(crate) fn refit(
     tree: &mut SceneTrees,
     known: &[(u32, u32)],

@@ -71,7 +71,7 @@ fn own_ticks(processes: &[ProcessTime], root: u32) -> u64 {
     processes.iter().filter(|it| family.contains(&it.id)).map(|it| it.ticks).sum()
 }
 
-/// Returns the time since the last input by logind and the X server; `None`: neither knows it.
+/// Returns the time since the owner's last input, as reported by logind and the X server; `None`: neither knows it.
 pub fn idle() -> Option<Duration> {
     [idle_sessions(), idle_x_server()].into_iter().flatten().min()
 }

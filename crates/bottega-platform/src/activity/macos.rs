@@ -5,7 +5,7 @@ use std::{
     time::Duration,
 };
 
-/// Returns the time since the last input; `None`: unknown.
+/// Returns the time since the owner's last input; `None`: unknown.
 pub fn idle() -> Option<Duration> {
     let mut command = Command::new("/usr/sbin/ioreg");
     command.args(["-c", "IOHIDSystem", "-d", "4"]).stdin(Stdio::null()).stderr(Stdio::null());

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-/// Returns the time since the last input; `None`: unknown.
+/// Returns the time since the owner's last input; `None`: unknown.
 #[allow(unsafe_code, reason = "two calls of the system that no library wraps")]
 pub fn idle() -> Option<Duration> {
     use windows_sys::Win32::{

@@ -26,7 +26,7 @@ fn stat(process: u32) -> Option<Stat> {
     Some(Stat { parent: number(1)? as u32, pages: number(21)? })
 }
 
-/// Returns the usage of the process `root` and its descendants.
+/// Returns the usage of the process with id `root` and of its descendants; zero if it does not exist.
 pub fn usage(root: u32) -> TreeUsage {
     let all: BTreeMap<u32, Stat> = processes().filter_map(|id| Some((id, stat(id)?))).collect();
     let mut tree = TreeUsage::default();
@@ -43,7 +43,7 @@ pub fn usage(root: u32) -> TreeUsage {
     tree
 }
 
-/// Returns all processes with this mark.
+/// Returns the ids of all processes with this mark whose environments this user may read.
 pub fn marked(mark: &str) -> Vec<u32> {
     let wanted = format!("{MARK}={mark}");
     let carries = |id: &u32| {
@@ -53,7 +53,7 @@ pub fn marked(mark: &str) -> Vec<u32> {
     processes().filter(carries).collect()
 }
 
-/// Kills a process. Returns `true` if it existed.
+/// Kills the process with this id. Returns `true` if it existed and this was allowed.
 pub fn kill(process: u32) -> bool {
     signal(process, rustix::process::Signal::KILL)
 }

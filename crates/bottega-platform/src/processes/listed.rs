@@ -13,7 +13,7 @@ fn all(what: ProcessRefreshKind) -> Option<System> {
     Some(system)
 }
 
-/// Returns the usage of the process `root` and its descendants.
+/// Returns the usage of the process with id `root` and of its descendants; zero if it does not exist.
 pub fn usage(root: u32) -> TreeUsage {
     let Some(system) = all(ProcessRefreshKind::nothing().with_memory()) else { return TreeUsage::default() };
     let processes = system.processes();
@@ -40,7 +40,7 @@ pub fn marked(mark: &str) -> Vec<u32> {
     carries.map(|(id, _)| id.as_u32()).collect()
 }
 
-/// Kills a process by its id. Returns `true` if it existed.
+/// Kills the process with this id. Returns `true` if it existed and this was allowed.
 pub fn kill(process: u32) -> bool {
     let id = Pid::from_u32(process);
     let Ok(mut system) = System::new() else { return false };

@@ -51,8 +51,8 @@ impl TryFrom<RangeText> for Range {
 }
 
 impl Range {
-    /// Returns the allowed value nearest to `wanted`; between two powers of two the larger, between squares the one with
-    /// the nearest root.
+    /// Returns an allowed value for `wanted`: the next power of two that is not less, or the square with the nearest
+    /// root, where the range has only those; then clamped to the range.
     pub fn fit(&self, wanted: u32) -> u32 {
         let fitting = if self.powers_of_two {
             wanted.checked_next_power_of_two().unwrap_or(u32::MAX)

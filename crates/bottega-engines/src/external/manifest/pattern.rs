@@ -11,19 +11,19 @@ const SIZE_MAX: usize = 1 << 20;
 pub struct Pattern(Regex);
 
 impl Pattern {
-    /// Returns group 1 of the first match, or the whole match if there is no group.
+    /// Returns group 1 of the first match, or the whole match if there is no group; `None`: nothing matches.
     pub fn find<'a>(&self, text: &'a str) -> Option<&'a str> {
         let found = self.0.captures(text)?;
         found.get(1).or_else(|| found.get(0)).map(|it| it.as_str())
     }
 
-    /// Returns group 1 of all matches.
+    /// Returns group 1 of each match, in the order of the text; matches without it are left out.
     pub fn find_all<'a>(&self, text: &'a str) -> impl Iterator<Item = &'a str> {
         self.0.captures_iter(text).filter_map(|found| found.get(1)).map(|it| it.as_str())
     }
 
-    /// Returns the last match as a fraction in 0..=1: group 1 in per cent, or group 1 of group 2. `None`: no match,
-    /// or no number.
+    /// Returns the last match as a fraction in 0..=1: group 1 in per cent, or group 1 divided by group 2. `None`: no
+    /// match, or no number.
     pub fn share(&self, text: &str) -> Option<f64> {
         let found = self.0.captures_iter(text).last()?;
         let number = |i: usize| found.get(i).and_then(|it| it.as_str().parse::<f64>().ok());

@@ -34,7 +34,7 @@ const PLACEHOLDERS: &[&str] = &[
     "threads",
 ];
 
-/// The values of placeholders; missing ones have no value.
+/// The values of placeholders by their names.
 pub type Values = BTreeMap<&'static str, String>;
 
 /// A text with placeholders such as `{x0}` or `{x0+1}`; `{{` and `}}` are literal braces.
@@ -47,7 +47,7 @@ enum TemplatePart {
     Value { name: &'static str, plus: i64 },
 }
 
-/// The error of a placeholder without a value.
+/// The error of a placeholder without a value, with its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Missing(pub &'static str);
 
@@ -138,7 +138,7 @@ impl Argument {
         }
     }
 
-    /// Returns the command line, without arguments that have no value.
+    /// Returns the command line, without arguments and groups in which a placeholder has no value.
     pub fn fill_all(arguments: &[Self], values: &Values) -> Vec<String> {
         let filled = arguments.iter().filter_map(|argument| match argument {
             Self::One(template) => template.fill(values).ok().map(|one| vec![one]),
