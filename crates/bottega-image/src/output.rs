@@ -22,10 +22,10 @@ pub enum OutputFormat {
 }
 
 impl OutputFormat {
-    /// Returns the format named by the extension of `path`.
+    /// Returns the format named by the extension of `path`; letter case is ignored.
     ///
     /// # Errors
-    /// Another extension, or none.
+    /// The extension is neither .exr nor .png, or there is none.
     pub fn of(path: &Path) -> Result<Self, ImageError> {
         let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
         match extension.as_deref() {
@@ -42,7 +42,7 @@ fn not_writable(path: &Path, reason: impl Into<String>) -> ImageError {
 }
 
 /// Checks before rendering that a picture can be written to `path`: the extension, the folder, what exists there.
-/// Leaves nothing behind.
+/// Leaves nothing behind. Returns the format of the file.
 ///
 /// # Errors
 /// The path names a directory, an unknown format, or a place where nothing can be written.

@@ -28,7 +28,7 @@ impl Picture {
         Self { width, height, data }
     }
 
-    /// Returns width and height.
+    /// Returns width and height, in pixels.
     pub fn size(&self) -> (u32, u32) {
         (self.width, self.height)
     }
@@ -39,7 +39,7 @@ impl Picture {
         self.data[y as usize * self.width as usize + x as usize]
     }
 
-    /// Returns the part inside `rect`, which must be within the picture.
+    /// Returns the part inside `rect`. Panics if that is not within the picture.
     #[must_use]
     pub fn cropped(&self, rect: crate::Rect) -> Self {
         Self::from_fn(rect.width(), rect.height(), |x, y| self.pixel(rect.x0 + x, rect.y0 + y))
