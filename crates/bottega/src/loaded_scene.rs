@@ -46,10 +46,10 @@ pub struct LoadedScene {
 }
 
 impl LoadedScene {
-    /// Reads the scene file of a request.
+    /// Reads and prepares the scene file of a request.
     ///
     /// # Errors
-    /// The scene cannot be read, or has no such camera.
+    /// The scene cannot be read or prepared, or has no such camera.
     pub fn load(request: &Request) -> Result<Self, Error> {
         Self::of(load(request)?, request)
     }
@@ -57,7 +57,7 @@ impl LoadedScene {
     /// Prepares a scene in memory, with the camera, size and environment of a request.
     ///
     /// # Errors
-    /// The scene is invalid, has no camera or not the requested one.
+    /// The scene is invalid, cannot be prepared, or has no camera or not the requested one.
     pub fn of_scene(scene: impl Into<Loaded>, request: &Request) -> Result<Self, Error> {
         let mut loaded = scene.into();
         loaded.scene.validate()?;

@@ -106,19 +106,21 @@ pub struct PaintingSetup {
 }
 
 impl Session {
-    /// Loads the scene of a request, prepares it and chooses engine and devices. All errors of the request are found here,
-    /// before the first sample.
+    /// Loads the scene of a request, prepares it and chooses engine and devices. All errors of the request are found here, before
+    /// the first sample.
     ///
     /// # Errors
-    /// The request, its scene, its rules or its engine cannot be used.
+    /// The request, its scene, its rules or its engine cannot be used, its output cannot be written, or the denoiser that it asks
+    /// for is not installed.
     pub fn open(request: &Request) -> Result<Self, Error> {
         Self::open_with(request, SessionOptions::default())
     }
 
-    /// Like [`Self::open`], with options.
+    /// Opens a session like [`Self::open`], with options.
     ///
     /// # Errors
-    /// Those of [`Self::open`]; also if `options.resume` is set and there is no journal.
+    /// Those of [`Self::open`]; also if a file of the options cannot be written, an option does not suit the request, or
+    /// `options.resume` is set and there is no journal of this picture.
     pub fn open_with(request: &Request, options: SessionOptions) -> Result<Self, Error> {
         let begun = options.begun.unwrap_or_else(Instant::now);
         let request = &request.by_engine_of_scene();
@@ -132,19 +134,20 @@ impl Session {
         Ok(Self { denoiser, journal, ..Self::new(request, options, opened, begun) })
     }
 
-    /// Opens a session for a scene in memory. The request's `scene.file` serves as its name alone. The session writes no
-    /// journal, so it cannot be resumed.
+    /// Opens a session for a scene in memory. The request's `scene.file` serves as its name alone. The session writes no journal,
+    /// so it cannot be resumed.
     ///
     /// # Errors
-    /// The request, the scene or the rules cannot be used, or the request names an external engine.
+    /// Those of [`Self::open`], or the request names an external engine.
     pub fn of_scene(request: &Request, scene: impl Into<Loaded>) -> Result<Self, Error> {
         Self::of_scene_with(request, scene, SessionOptions::default())
     }
 
-    /// Like [`Self::of_scene`], with options.
+    /// Opens a session like [`Self::of_scene`], with options.
     ///
     /// # Errors
-    /// Those of [`Self::of_scene`]; also if `options.resume` is set.
+    /// Those of [`Self::of_scene`]; also if a file of the options cannot be written, an option does not suit the request, or
+    /// `options.resume` is set.
     pub fn of_scene_with(request: &Request, scene: impl Into<Loaded>, options: SessionOptions) -> Result<Self, Error> {
         let begun = options.begun.unwrap_or_else(Instant::now);
         Self::check(request, &options)?;
@@ -206,7 +209,8 @@ impl Session {
         }
     }
 
-    /// Checks a request that other machines will render, before anything is sent to them. Returns the files that they need.
+    /// Checks a request that other machines will render, before anything is sent to them. Returns the files that they need, the
+    /// engine, and warnings.
     ///
     /// # Errors
     /// The request, its scene or its rules cannot be used, or its output cannot be written.
@@ -215,7 +219,7 @@ impl Session {
         Self::examine_scene(request)
     }
 
-    /// Like [`Self::examine`], but does not check the output, which another machine writes.
+    /// Checks a request like [`Self::examine`], but not its output, which another machine writes.
     ///
     /// # Errors
     /// The request, its scene or its rules cannot be used.
@@ -335,7 +339,7 @@ impl Session {
     /// themselves; [`Self::render`] does everything.
     ///
     /// # Errors
-    /// The preview cannot be started, or the time limit has passed already.
+    /// The viewer tev does not answer, or the preview of an interrupted picture cannot be made.
     pub fn begin(mut self, reporter: Arc<Reporter>) -> Result<(ActiveSession, PaintingSetup), Error> {
         // Report warnings and the start
         self.notes.iter().for_each(|note| reporter.warn(note.clone()));
@@ -396,7 +400,10 @@ impl Session {
         (metadata, denoised)
     }
 
-    /// Returns a warning if a PNG of this picture appears nearly black or white on a screen; `None`: the brightness is fine.
+    /// Returns a warning if a picture appears nearly black or white on a screen; `None`: the brightness is fine, or the file is
+    /// not a PNG.
+    ///
+    /// - `file`: the file of the picture; its extension gives the format.
     pub fn wrong_brightness(&self, file: &Path, film: &Film) -> Option<String> {
         crate::picture::wrong_brightness(&self.request, file, film)
     }
@@ -404,7 +411,7 @@ impl Session {
     /// Writes a picture of this request to a file, .exr or .png.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// The extension is neither of these, or the file cannot be written.
     pub fn write_to(&self, path: &Path, film: &Film, metadata: &Metadata) -> Result<(), Error> {
         crate::picture::write(&self.request, self.painter.hints(), path, film, metadata)
     }
