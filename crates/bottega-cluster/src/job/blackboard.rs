@@ -34,8 +34,8 @@ pub enum RowUpdate {
 }
 
 impl JobBoard {
-    /// Reports all rows of a job, and then each change, until `tell` returns `false`. For a job that is over, reports the
-    /// stored rows.
+    /// Reports all rows of a job, and then each change, until `tell` returns `false`. For a job that is over, reports the stored
+    /// rows and returns.
     ///
     /// # Errors
     /// The farm does not answer.
@@ -56,7 +56,7 @@ impl JobBoard {
         Ok(())
     }
 
-    /// Returns all rows of a job.
+    /// Returns all rows of a job's Blackboard: an [`Event::Zone`] or an [`Event::Agent`] each.
     ///
     /// # Errors
     /// The farm does not answer.

@@ -17,7 +17,7 @@ use crate::{error::Error, job::board::JobBoard};
 const EXPERIENCE: &str = "experience/";
 /// The notice with the experience of all machines together.
 const OF_FARM: &str = "experience-of-farm";
-/// The name that requests the experience of all machines together.
+/// The name, in place of a machine's, of the experience of all machines together.
 pub const ALL_MACHINES: &str = "all-machines";
 
 impl JobBoard {
