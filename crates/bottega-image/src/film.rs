@@ -43,7 +43,7 @@ impl Film {
         rect.area().saturating_mul(4 * (layout.stride() as u64 + 1))
     }
 
-    /// Sets the size of the whole picture, in pixels, of which this film is the crop window.
+    /// Returns the film as the crop window of a whole picture of this size, in pixels.
     ///
     /// # Panics
     ///

@@ -84,6 +84,9 @@ pub(crate) struct Layers {
 
 impl Layers {
     /// Checks and sorts layers, whose channels must differ from those of `aovs`.
+    ///
+    /// # Errors
+    /// There are too many layers or channels, a name that a file cannot hold, or two channels of the same name.
     pub(crate) fn new(mut list: Vec<Layer>, aovs: AovSet) -> Result<Self, LayersError> {
         let within = |what, found, most| {
             if found > most { Err(LayersError::Count { what, found, most }) } else { Ok(()) }

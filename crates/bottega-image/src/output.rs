@@ -81,7 +81,7 @@ pub fn write_whole(path: impl AsRef<Path>, bytes: &[u8]) -> Result<(), ImageErro
     write_whole_with(path, |out| out.write_all(bytes))
 }
 
-/// Like [`write_whole`], with a function that writes the bytes piece by piece.
+/// Writes a file like [`write_whole`], with a function that writes the bytes piece by piece.
 ///
 /// # Errors
 /// The file cannot be written, or `write` fails; then the old file is unchanged.
@@ -142,6 +142,9 @@ pub(crate) struct AtomicFile {
 
 impl AtomicFile {
     /// Creates a temporary file in the destination's folder, or in the system's for a FIFO or device.
+    ///
+    /// # Errors
+    /// The path names no file, or the temporary file cannot be created.
     pub(crate) fn create(path: &Path) -> Result<Self, ImageError> {
         let destination = Destination::of(path)?;
         let (place, folder) = match &destination {

@@ -24,7 +24,7 @@ pub enum Encoding {
 }
 
 impl ToneMap {
-    /// Maps linear radiance to linear display values in [0, 1]. NaN and −∞ become 0, ∞ becomes 1.
+    /// Returns the linear display values, in [0, 1], of linear radiance. NaN and −∞ become 0, ∞ becomes 1.
     pub fn apply(self, color: [f32; 3]) -> [f32; 3] {
         let color = color.map(|v| if v.is_nan() { 0.0 } else { v.clamp(0.0, 1e9) });
         let mapped = match self {

@@ -108,6 +108,7 @@ impl AnalyzedScene {
 
     /// Surveys a loaded scene.
     ///
+    /// - `request`: the request for which the scene was loaded.
     /// - `painters`: number of CPU threads of the survey.
     ///
     /// # Errors

@@ -26,6 +26,11 @@ pub fn ready(request: &Request) -> Result<Option<Denoiser>, Error> {
 
 /// Denoises a finished picture and reports progress. An unfinished picture stays as it is; so does one whose denoising the user
 /// stops.
+///
+/// - `denoiser`: the denoiser; `None`: the request asks for none, and nothing is done.
+///
+/// # Errors
+/// The denoiser fails.
 pub(crate) fn finish(
     denoiser: Option<&Denoiser>,
     request: &Request,

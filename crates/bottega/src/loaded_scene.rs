@@ -84,7 +84,7 @@ impl LoadedScene {
         Ok(Self { prepared, prepass: Arc::default(), view, camera, cameras, warnings, hints, files, loaded })
     }
 
-    /// Changes camera and size to those of a request that differs in its view alone. Nothing is read or prepared again.
+    /// Returns the scene with the camera and size of a request that differs in its view alone. Nothing is read or prepared again.
     ///
     /// # Errors
     /// The scene has no such camera, or the pose is invalid.

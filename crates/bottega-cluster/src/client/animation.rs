@@ -54,7 +54,7 @@ struct WantedFrame {
 ///
 /// - `farm`: the address; none: the farm that runs on this machine.
 /// - `resume`: submits only the frames whose output is missing or incomplete.
-/// - `stop`: cancels the wait for the frames.
+/// - `stop`: ends the work of this machine and the wait for the frames.
 ///
 /// # Errors
 /// There is no such farm, the denoiser is not installed, or a frame cannot be rendered or written.

@@ -374,7 +374,7 @@ impl JobBoard {
     }
 }
 
-/// Returns the error of a job that failed or was cancelled.
+/// Returns the error of a job that failed or was cancelled; `None`: its state is another one.
 pub(crate) fn ended_badly(number: u32, state: &JobState) -> Option<Error> {
     let remedy = format!("see `bottega jobs log {number}`");
     match state {

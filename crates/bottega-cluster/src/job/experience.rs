@@ -98,7 +98,7 @@ fn name_of(machine: &str) -> String {
     if machine == ALL_MACHINES { OF_FARM.to_owned() } else { format!("{EXPERIENCE}{machine}") }
 }
 
-/// Returns what a job has taught, as a line of its log; `None`: nothing.
+/// Returns the lessons of a job as a line of its log; `None`: there are none.
 pub(crate) fn taught(report: &JobReport) -> Option<String> {
     let zones = |(machine, lesson): (&String, &JobLesson)| format!("{machine} {}", lesson.zones.len());
     let machines: Vec<String> = report.lessons.iter().map(zones).collect();

@@ -122,7 +122,7 @@ pub(crate) struct Worker {
 }
 
 impl Worker {
-    /// Returns a worker.
+    /// Makes a worker of this machine.
     ///
     /// - `cache`: the scene cache.
     /// - `own`: the threads and devices to render with.

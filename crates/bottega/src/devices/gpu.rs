@@ -41,6 +41,9 @@ impl ChosenGpu {
     /// Opens the GPU as a lane of the allocator, and returns the lane and the scenes in its memory.
     ///
     /// - `memory`: memory limit for scenes on the GPU, in bytes; `None`: nearly all free memory.
+    ///
+    /// # Errors
+    /// The GPU cannot be opened.
     pub(super) fn open(&self, memory: Option<u64>) -> Result<(Lane<RenderWork>, GpuScenes), Error> {
         let gpu = GpuPaths::open(self.adapter.clone(), &path_options(Some(self.name().to_owned()), memory))?;
         let scenes = gpu.scenes();

@@ -64,6 +64,9 @@ impl ViewportLook {
     }
 
     /// Checks that a request can be used for a look that another process shows.
+    ///
+    /// # Errors
+    /// The request is invalid, or names an external engine.
     pub(super) fn check(request: &Request) -> Result<(), Error> {
         if !request.engine.is_builtin() {
             return Err(Error::usage("only the built-in engine renders samples for viewports", "leave out the engine"));

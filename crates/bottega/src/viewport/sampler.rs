@@ -50,7 +50,9 @@ impl ViewportSampler {
         Ok(Self { session, scene })
     }
 
-    /// Changes to another look at the same scene.
+    /// Returns the renderer for another look at the same scene.
+    ///
+    /// - `request`, `camera`: those of the look.
     ///
     /// # Errors
     /// The request or the camera cannot be used.

@@ -218,7 +218,10 @@ impl ViewportShared {
         Some(given.map_or(Duration::ZERO, |(_, at)| FRAME_EVERY.saturating_sub(at.elapsed())))
     }
 
-    /// Returns the current frame if it is newer than `after` and due.
+    /// Returns the current frame if it is newer than `after` and due, else `None`.
+    ///
+    /// # Errors
+    /// The wanted view failed, or the frame cannot be encoded.
     pub(super) fn frame(&self, after: u64) -> Result<Option<ViewportFrame>, Error> {
         if self.due(after) != Some(Duration::ZERO) {
             return Ok(None);

@@ -48,7 +48,7 @@ pub enum OwnerReason {
     Load,
 }
 
-/// The state of the policy: whether the machine may work, and since when it is quiet.
+/// The state of the policy: if the machine may work, and the time since which it is quiet.
 #[derive(Clone, Debug)]
 pub(super) struct OwnerPolicy {
     conditions: OwnerConditions,
