@@ -30,7 +30,7 @@ pub enum LayerKind {
     Matte,
 }
 
-/// A layer of a file.
+/// A layer of an OpenEXR file: its name, kind and channels.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FileLayer {
     /// Name, such as `albedo`.

@@ -73,8 +73,9 @@ pub fn rel_mse_trimmed(reference: &Picture, test: &Picture, trim: f64) -> Result
     Ok(if kept == 0 { 0.0 } else { sum / kept as f64 })
 }
 
-/// Computes the relative squared error of every pixel, (x − r)² / (r² + 0.01) averaged over its channels: `[height ×
-/// width]`.
+/// Computes the relative squared error of every pixel: (x − r)² / (r² + 0.01), averaged over its channels.
+///
+/// Returns `[height × width]` values.
 ///
 /// # Errors
 /// The pictures differ in size.

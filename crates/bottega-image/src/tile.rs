@@ -2,8 +2,7 @@
 
 use crate::{Aov, Layout, Rect, matte};
 
-/// The values of one sample of a pixel. They must be finite: the sums of [`Tile::add`] do not recover from infinity or
-/// NaN.
+/// The values of one sample of a pixel. They must be finite: the sums of [`Tile::add`] keep infinity and NaN.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SampleValues {
     /// Radiance, linear Rec. 709 RGB.

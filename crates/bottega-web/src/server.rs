@@ -40,7 +40,7 @@ const PAUSE: Duration = Duration::from_millis(50);
 /// Largest number of threads that call the farm.
 const THREADS_MAX: usize = 32;
 
-/// The options of a door.
+/// The options of a [`Door`].
 pub struct DoorOptions {
     /// The listening socket. Other than on loopback addresses the door speaks TLS only.
     pub listener: TcpListener,

@@ -106,12 +106,10 @@ pub struct PaintingSetup {
 }
 
 impl Session {
-    /// Loads the scene of a request, prepares it and chooses engine and devices. All errors of the request are found here, before
-    /// the first sample.
+    /// Loads the scene of a request, prepares it and chooses engine and devices. All errors of the request are found here.
     ///
     /// # Errors
-    /// The request, its scene, its rules or its engine cannot be used, its output cannot be written, or the denoiser that it asks
-    /// for is not installed.
+    /// The request, its scene, rules or engine cannot be used, its output cannot be written, or the denoiser is not installed.
     pub fn open(request: &Request) -> Result<Self, Error> {
         Self::open_with(request, SessionOptions::default())
     }
@@ -119,8 +117,8 @@ impl Session {
     /// Opens a session like [`Self::open`], with options.
     ///
     /// # Errors
-    /// Those of [`Self::open`]; also if a file of the options cannot be written, an option does not suit the request, or
-    /// `options.resume` is set and there is no journal of this picture.
+    /// Those of [`Self::open`]; also if an option cannot be used, or `options.resume` is set and there is no journal of this
+    /// picture.
     pub fn open_with(request: &Request, options: SessionOptions) -> Result<Self, Error> {
         let begun = options.begun.unwrap_or_else(Instant::now);
         let request = &request.by_engine_of_scene();
@@ -146,8 +144,7 @@ impl Session {
     /// Opens a session like [`Self::of_scene`], with options.
     ///
     /// # Errors
-    /// Those of [`Self::of_scene`]; also if a file of the options cannot be written, an option does not suit the request, or
-    /// `options.resume` is set.
+    /// Those of [`Self::of_scene`]; also if an option cannot be used, or `options.resume` is set.
     pub fn of_scene_with(request: &Request, scene: impl Into<Loaded>, options: SessionOptions) -> Result<Self, Error> {
         let begun = options.begun.unwrap_or_else(Instant::now);
         Self::check(request, &options)?;
@@ -209,8 +206,7 @@ impl Session {
         }
     }
 
-    /// Checks a request that other machines will render, before anything is sent to them. Returns the files that they need, the
-    /// engine, and warnings.
+    /// Checks a request that other machines will render, before anything is sent to them. Returns the files that they need.
     ///
     /// # Errors
     /// The request, its scene or its rules cannot be used, or its output cannot be written.
@@ -400,10 +396,7 @@ impl Session {
         (metadata, denoised)
     }
 
-    /// Returns a warning if a picture appears nearly black or white on a screen; `None`: the brightness is fine, or the file is
-    /// not a PNG.
-    ///
-    /// - `file`: the file of the picture; its extension gives the format.
+    /// Returns a warning if a picture appears nearly black or white on a screen; `None`: it does not, or `file` is not a PNG.
     pub fn wrong_brightness(&self, file: &Path, film: &Film) -> Option<String> {
         crate::picture::wrong_brightness(&self.request, file, film)
     }
