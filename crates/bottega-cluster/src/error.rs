@@ -9,7 +9,7 @@ use bottega_agents::driver::{
 use bottega_farm::JobError;
 use thiserror::Error as ThisError;
 
-/// An error of a farm, or of the library below it.
+/// The error of an operation on a farm, or of the library below it.
 #[derive(Debug, ThisError)]
 #[non_exhaustive]
 pub enum Error {

@@ -20,7 +20,7 @@ pub struct Canvas {
 }
 
 impl Canvas {
-    /// Returns a canvas of one color.
+    /// Returns a canvas of one color. `width` and `height` are in pixels.
     pub fn new(width: u32, height: u32, color: [u8; 3]) -> Self {
         Self { width, height, pixels: vec![color; width as usize * height as usize] }
     }

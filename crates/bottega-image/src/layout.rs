@@ -18,7 +18,7 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Offset of radiance R, G, B.
+    /// Offset of radiance R, G, B within a pixel, in floats; the other offsets likewise.
     pub const COLOR: usize = 0;
     /// Offset of the sum of alpha.
     pub const ALPHA: usize = 3;

@@ -29,13 +29,13 @@ pub enum Packing {
 }
 
 impl Packing {
-    /// Run-length encoding: two bytes for 128.
+    /// Run-length encoding: two bytes give at most 128.
     pub const RUNS: Self = Self::Ratio(64);
-    /// Deflate, in PNG, TIFF and EXR: 258 bytes for two bits.
+    /// Deflate, in PNG, TIFF and EXR: two bits give at most 258 bytes.
     pub const DEFLATE: Self = Self::Ratio(1032);
-    /// LZW: strings of up to 4096 bytes for 12 bits.
+    /// LZW: 12 bits give a string of at most 4096 bytes.
     pub const LZW: Self = Self::Ratio(2732);
-    /// JPEG: one bit for the 64 values of a block.
+    /// JPEG: one bit gives at most the 64 values of a block.
     pub const JPEG: Self = Self::Ratio(512);
 }
 

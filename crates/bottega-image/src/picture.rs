@@ -17,7 +17,7 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Returns a black picture.
+    /// Returns a black picture. `width` and `height` are in pixels.
     pub fn new(width: u32, height: u32) -> Self {
         Self { width, height, data: vec![[0.0; 3]; width as usize * height as usize] }
     }

@@ -48,7 +48,8 @@ impl<T> Sides<T> {
 }
 
 impl Rect {
-    /// Returns the rectangle between two corners. Panics if a side is negative.
+    /// Returns the rectangle from the corner (x0, y0) to the corner (x1, y1), whose column and row are outside. Panics
+    /// if a side is negative.
     pub fn new(x0: u32, y0: u32, x1: u32, y1: u32) -> Self {
         assert!(x0 <= x1 && y0 <= y1, "rectangle with negative side: {x0},{y0},{x1},{y1}");
         Self { x0, y0, x1, y1 }

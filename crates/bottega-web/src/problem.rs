@@ -46,7 +46,7 @@ impl Problem {
         Self::new(StatusCode::NOT_FOUND, what, remedy)
     }
 
-    /// Makes the problem of a request that conflicts with the current state (409).
+    /// Makes the problem of a request that conflicts with the current state (409); parameters as for [`Self::new`].
     pub fn conflict(detail: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::new(StatusCode::CONFLICT, detail, remedy)
     }

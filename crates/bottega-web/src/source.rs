@@ -115,7 +115,7 @@ pub struct MachineRefusal {
     pub reason: String,
 }
 
-/// The file of a picture.
+/// The file of a picture: its name and its bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PictureFile {
     /// Name of the file.

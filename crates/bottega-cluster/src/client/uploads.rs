@@ -41,11 +41,11 @@ use crate::{
 
 /// The size of a piece in bytes; the last piece of a file may be smaller.
 pub const PIECE_BYTES: usize = CHUNK_BYTES;
-/// The largest file, in bytes.
+/// The largest file that can be uploaded, in bytes.
 pub const FILE_BYTES_MAX: u64 = 4 << 30;
-/// The most frames of an animation.
+/// The most frames of an animation that is submitted with uploaded files.
 pub const FRAMES_MAX: usize = 1000;
-/// The most files of a job.
+/// The most files of a job that is submitted with uploaded files.
 pub const FILES_MAX: usize = 4096;
 /// The longest file name, in bytes.
 const NAME_MAX: usize = 512;

@@ -29,7 +29,7 @@ struct Moment {
     all: Option<f64>,
 }
 
-/// Measures the usage of this process, per job.
+/// A meter of the processor time and energy that this process uses, per job.
 #[derive(Clone, Debug)]
 pub struct UsageMeter {
     state: Arc<Mutex<MeterState>>,

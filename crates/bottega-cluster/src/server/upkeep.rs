@@ -122,7 +122,8 @@ impl JobBoard {
         self.remove(number)
     }
 
-    /// Deletes a job and its own data. Large data first: a full server can write nothing, and deleting a notice is a write.
+    /// Deletes a job and its own data, but not its scene. Large data comes first: a full server can write nothing, and deleting a
+    /// notice is a write.
     ///
     /// # Errors
     /// There is no such job, this machine is a guest, or the farm does not answer.

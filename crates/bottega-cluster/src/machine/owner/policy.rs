@@ -17,7 +17,7 @@ pub(super) struct OwnerObservation {
     pub(super) others: f32,
 }
 
-/// A part of the day.
+/// A part of each day, in local time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DailyHours {
     /// The minute of the day at which it begins.
