@@ -8,7 +8,7 @@ pub(crate) fn parse_watts(text: &str) -> Result<f64, InvalidValue> {
     watts.ok_or_else(|| "a number of watts above 0 is needed, such as 120".into())
 }
 
-/// Parses a price per kilowatt hour.
+/// Parses a price of energy, per kWh.
 pub(crate) fn parse_price(text: &str) -> Result<f64, InvalidValue> {
     let price = text.parse().ok().filter(|price: &f64| (0.0..=1e6).contains(price));
     price.ok_or_else(|| "a price from 0 up is needed, such as 0.31".into())

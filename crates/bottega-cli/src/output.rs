@@ -166,7 +166,7 @@ impl Write for LogWriter {
     }
 }
 
-/// Returns the exit code of the command, or that of a lost result.
+/// Returns the exit code of the command, or that of a lost result if standard output could not be written.
 #[allow(clippy::disallowed_methods, reason = "the one place")]
 pub(crate) fn finish(code: ExitCode) -> ExitCode {
     if OUTPUT_LOSS.get().is_none()

@@ -66,14 +66,14 @@ const COMMANDS: &[(&str, &[&str])] = &[
     ("web", &["dashboard", "ui", "page", "api"]),
 ];
 
-/// Returns the option of a command that corresponds to an unknown one.
+/// Returns the option of a command that an unknown one stands for; `None`: no such option is known.
 pub(crate) fn option_meant(command: &Command, word: &str) -> Option<&'static str> {
     let word = word.trim_start_matches('-').to_lowercase();
     let has = |option: &str| command.get_arguments().any(|known| known.get_long() == Some(option));
     OPTIONS.iter().find(|(option, words)| words.contains(&&*word) && has(option)).map(|(option, _)| *option)
 }
 
-/// Returns the command that corresponds to an unknown one.
+/// Returns the command that an unknown one stands for; `None`: no such command is known.
 pub(crate) fn command_meant(command: &Command, word: &str) -> Option<&'static str> {
     let word = word.to_lowercase();
     let has = |name: &str| command.find_subcommand(name).is_some();

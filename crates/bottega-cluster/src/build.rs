@@ -9,7 +9,7 @@ const PROVENANCE: Provenance =
 
 static BUILD: LazyLock<Build> = LazyLock::new(|| Build::new(PROVENANCE));
 
-/// Returns the build of this crate, including the library.
+/// Returns the build of this crate and its dependencies, the library included.
 pub fn build() -> &'static Build {
     &BUILD
 }

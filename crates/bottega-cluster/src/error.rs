@@ -9,7 +9,7 @@ use bottega_agents::driver::{
 use bottega_farm::JobError;
 use thiserror::Error as ThisError;
 
-/// An error of a farm, or of the library below it.
+/// The error of an operation on a farm, or of the library below it.
 #[derive(Debug, ThisError)]
 #[non_exhaustive]
 pub enum Error {
@@ -33,12 +33,12 @@ pub enum Error {
 }
 
 impl Error {
-    /// Returns a usage error: the request is invalid.
+    /// Returns a usage error: the request is invalid. Both texts are for the user.
     pub fn usage(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         bottega::Error::usage(problem, remedy).into()
     }
 
-    /// Returns a failure: an operation was tried and failed.
+    /// Returns a failure: an operation was tried and failed. Both texts are for the user.
     pub fn failed(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         bottega::Error::failed(problem, remedy).into()
     }
@@ -68,7 +68,7 @@ impl Error {
         matches!(self, Self::Blob(error) if !error.is_lasting)
     }
 
-    /// Returns what the user can do about it, if known.
+    /// Returns advice for the user about the error; `None`: nothing specific.
     pub fn remedy(&self) -> Option<String> {
         match self {
             Self::Bottega(error) => error.remedy(),
@@ -78,12 +78,12 @@ impl Error {
         }
     }
 
-    /// Returns the error and its chain of causes in one line.
+    /// Returns the error and all its causes in one line: `error: cause: cause`.
     pub fn error_chain(&self) -> String {
         bottega::error::error_chain(self)
     }
 
-    /// Returns the chain of causes, followed by what the user can do about it.
+    /// Returns the error and all its causes in one line, followed by the advice for the user, if any.
     pub fn error_chain_with_remedy(&self) -> String {
         let remedy = self.remedy().map(|remedy| format!("; {remedy}")).unwrap_or_default();
         format!("{}{remedy}", self.error_chain())

@@ -7,7 +7,7 @@ use crate::clock::since_1970;
 /// The most characters of a machine's name; a longer host name is truncated.
 pub const MACHINE_NAME_MAX: usize = 24;
 
-/// Returns the name of this machine: letters, digits and hyphens.
+/// Returns the host name of this machine as the name of a machine: letters, digits and hyphens, at most [`MACHINE_NAME_MAX`].
 pub fn host_name() -> String {
     plain(&gethostname::gethostname().to_string_lossy())
 }

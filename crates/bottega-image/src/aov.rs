@@ -93,8 +93,8 @@ impl Aov {
         Self::MATTES.contains(&self)
     }
 
-    /// Returns the number of floats in a pixel. The sample count and the error are always kept and need none of their
-    /// own.
+    /// Returns the number of floats that the AOV adds to a pixel. It is 0 for the sample count and the error, which are
+    /// always kept.
     pub fn channel_count(self) -> usize {
         match self {
             Self::SampleCount | Self::Error => 0,

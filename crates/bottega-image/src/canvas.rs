@@ -20,12 +20,14 @@ pub struct Canvas {
 }
 
 impl Canvas {
-    /// Returns a canvas of one color.
+    /// Returns a canvas of one color. `width` and `height` are in pixels.
     pub fn new(width: u32, height: u32, color: [u8; 3]) -> Self {
         Self { width, height, pixels: vec![color; width as usize * height as usize] }
     }
 
     /// Renders a picture as a display shows it, without dithering.
+    ///
+    /// - `exposure_stops`: exposure in stops; positive: brighter.
     pub fn of_picture(picture: &Picture, exposure_stops: f32, tone: ToneMap) -> Self {
         let pixels = picture.data.iter().map(|&color| shown(displayed(color, exposure_stops, tone))).collect();
         Self { width: picture.width, height: picture.height, pixels }
@@ -75,7 +77,7 @@ impl Canvas {
         }
     }
 
-    /// Enlarges every pixel to a block of `factor` × `factor`.
+    /// Returns the canvas with every pixel enlarged to a block of `factor` × `factor`.
     #[must_use]
     pub fn enlarged(&self, factor: u32) -> Self {
         let (width, height) = (self.width * factor, self.height * factor);
@@ -84,7 +86,8 @@ impl Canvas {
         Self { width, height, pixels: Rect::of_size(width, height).pixels().map(pixel).collect() }
     }
 
-    /// Places canvases side by side, with a gap of `gap` white pixels, at the height of the tallest.
+    /// Returns a canvas with the given ones side by side, aligned at the top, with `gap` white pixels between them. It
+    /// is as tall as the tallest.
     pub fn beside(canvases: &[Self], gap: u32) -> Self {
         let width = canvases.iter().map(|c| c.width).sum::<u32>() + gap * (canvases.len().max(1) as u32 - 1);
         let height = canvases.iter().map(|c| c.height).max().unwrap_or(0);
@@ -118,7 +121,7 @@ impl Canvas {
     /// Writes the canvas as PNG, atomically: the file is complete or unchanged.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// The canvas has no pixels, or the file cannot be written.
     pub fn write_png(&self, path: impl AsRef<Path>) -> Result<(), ImageError> {
         write_png_rgb8(path, self.width, self.height, self.pixels.as_flattened())
     }

@@ -31,7 +31,7 @@ impl ColorMap {
     }
 }
 
-/// Returns the color of a value in [0, 1] in [`ColorMap::Inferno`].
+/// Returns the color of a value in [0, 1] in [`ColorMap::Inferno`], as 8-bit sRGB.
 pub fn false_color(value: f32) -> [u8; 3] {
     ColorMap::Inferno.color(value)
 }

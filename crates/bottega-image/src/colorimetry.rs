@@ -28,7 +28,7 @@ impl Chromaticities {
         white: DVec2::new(0.3127, 0.329),
     };
 
-    /// Converts eight numbers: x and y of red, green, blue and white.
+    /// Makes chromaticities from eight numbers: x and y of red, green, blue and white.
     pub fn from_numbers(numbers: [f64; 8]) -> Self {
         let [red, green, blue, white] = [0, 2, 4, 6].map(|index| DVec2::new(numbers[index], numbers[index + 1]));
         Self { primaries: [red, green, blue], white }
@@ -45,7 +45,10 @@ impl Chromaticities {
         self.primaries == [DVec2::X, DVec2::Y, DVec2::ZERO]
     }
 
-    /// Returns the conversion from this space to linear Rec. 709. The error says why there is none.
+    /// Returns the conversion from this space to linear Rec. 709.
+    ///
+    /// # Errors
+    /// The chromaticities are those of no color space; the text says so, for a message about the file.
     pub fn to_rec709(&self, white_point: WhitePoint) -> Result<Conversion, String> {
         if self.is_nearly(&Self::REC709) {
             return Ok(Conversion::NONE);
@@ -119,7 +122,10 @@ fn xyz_of(c: DVec2) -> DVec3 {
     direction_of(c) / c.y
 }
 
-/// Returns von Kries' adaptation between two whites, given as XYZ, in the cone space of Bradford (Lam 1985).
+/// Returns the matrix that adapts XYZ colors from one white to another, by von Kries' method in the cone space of
+/// Bradford (Lam 1985).
+///
+/// - `from`, `to`: the whites, in XYZ.
 pub fn adaptation(from: DVec3, to: DVec3) -> DMat3 {
     let cones = DMat3::from_cols(
         DVec3::new(0.8951, -0.7502, 0.0389),

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::printable::printable_path;
 
-/// An error of a picture or its file.
+/// The reason why a picture or its file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ImageError {
     /// The operating system cannot read the file.

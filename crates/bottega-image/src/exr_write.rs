@@ -118,11 +118,12 @@ pub struct ExrOptions {
 
 /// Writes a film, with all its AOVs and layers, to `path`, atomically.
 ///
-/// The channels are `R G B A`, those of the kept AOVs by [`Aov::full_names`], and those of the layers by their full names. The data window is the film's [`rect`](Film::rect), the display window the whole
-/// picture. Metadata becomes text attributes of the first part. Equal films and metadata give equal bytes.
+/// The channels are `R G B A`, those of the kept AOVs by [`Aov::full_names`], and those of the layers by their full
+/// names. The data window is the film's [`rect`](Film::rect), the display window the whole picture. Metadata becomes
+/// text attributes of the first part. Equal films and metadata give equal bytes.
 ///
 /// # Errors
-/// The file cannot be written.
+/// The film has no pixels, or the file cannot be written.
 pub fn write_exr(
     path: impl AsRef<Path>,
     film: &Film,

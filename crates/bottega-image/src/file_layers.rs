@@ -30,7 +30,7 @@ pub enum LayerKind {
     Matte,
 }
 
-/// A layer of a file.
+/// A layer of an OpenEXR file: its name, kind and channels.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FileLayer {
     /// Name, such as `albedo`.
@@ -60,8 +60,10 @@ pub struct LayerPlanes {
 }
 
 impl FileLayer {
-    /// Lists the layers of a file, sorted by name, without its color. `bytes` is the whole file; `name` is for errors.
-    /// Files of other formats have none.
+    /// Lists the layers of an OpenEXR file, sorted by name, without its color. Files of other formats have none.
+    ///
+    /// - `name`: file name, for errors.
+    /// - `bytes`: the whole file.
     ///
     /// # Errors
     ///
@@ -75,7 +77,10 @@ impl FileLayer {
         Ok(layers_of(&channels))
     }
 
-    /// Reads the layer from its file, to be shown: at most three channels.
+    /// Reads the layer from its file for display: at most three channels.
+    ///
+    /// - `name`: file name, for errors.
+    /// - `bytes`: the whole file.
     ///
     /// # Errors
     ///
@@ -93,7 +98,7 @@ impl FileLayer {
         Ok(LayerPicture { layer: self.clone(), picture: Picture { width, height, data } })
     }
 
-    /// Reads all channels of the layer from its file.
+    /// Reads all channels of the layer from its file; parameters as for [`Self::read`].
     ///
     /// # Errors
     ///

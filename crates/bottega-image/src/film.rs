@@ -43,7 +43,11 @@ impl Film {
         rect.area().saturating_mul(4 * (layout.stride() as u64 + 1))
     }
 
-    /// Sets the size of the picture of which this film is the crop window. Panics if the film is not inside.
+    /// Returns the film as the crop window of a whole picture of this size, in pixels.
+    ///
+    /// # Panics
+    ///
+    /// If the film is not inside the picture.
     #[must_use]
     pub fn with_picture_size(self, width: u32, height: u32) -> Self {
         assert!(Rect::of_size(width, height).encloses(&self.rect), "film outside its picture");
@@ -55,7 +59,7 @@ impl Film {
         self.rect
     }
 
-    /// Returns width and height of the whole picture.
+    /// Returns width and height of the whole picture, in pixels.
     pub fn picture_size(&self) -> (u32, u32) {
         self.picture_size
     }
@@ -90,7 +94,7 @@ impl Film {
         }
     }
 
-    /// Replaces the pixels of the rectangle of `tile` by its own, as far as they are within the film and have samples.
+    /// Replaces the film's pixels in the rectangle of `tile` by those of the tile; pixels without samples become empty.
     ///
     /// # Panics
     ///
@@ -110,7 +114,8 @@ impl Film {
         &self.values
     }
 
-    /// Returns true if anything was added to pixel (x, y).
+    /// Returns true if anything was added to pixel (x, y), in picture coordinates. The pixel must be in the film; the
+    /// same holds for all other functions of a pixel.
     pub fn is_painted(&self, x: u32, y: u32) -> bool {
         self.weight(x, y) > 0.0
     }
@@ -157,11 +162,16 @@ impl Film {
     }
 
     /// Returns the film with another color, and its former color as layer `kept`, unless that layer already exists.
-    /// Panics if the color has another size.
+    ///
+    /// - `color`: of the size of [`rect`](Self::rect).
     ///
     /// # Errors
     ///
-    /// The film has no room for another layer.
+    /// The film has no room for another layer, or `kept` is not a valid name of a layer.
+    ///
+    /// # Panics
+    ///
+    /// If the color has another size.
     pub fn with_color(&self, color: &Picture, kept: &str) -> Result<Self, LayersError> {
         assert_eq!(color.size(), (self.rect.width(), self.rect.height()), "a color of another size");
         let mut layers = self.layout.layers().to_vec();

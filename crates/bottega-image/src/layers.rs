@@ -9,7 +9,7 @@ pub const CHANNELS_MAX: usize = 512;
 /// Maximal length of a channel's full name, in bytes: OpenEXR's limit.
 pub const CHANNEL_NAME_BYTES_MAX: usize = 255;
 
-/// The combination of values from several passes or overlapping zones.
+/// The way to combine a layer's values from several passes or overlapping zones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Combine {
     /// Mean, weighted like the color.
@@ -36,8 +36,8 @@ impl Layer {
         self.channels.iter().map(|channel| format!("{}.{channel}", self.name))
     }
 
-    /// Returns the AOV with the same name, channels and combination, among those that mean the same in all engines;
-    /// `None`: there is no such AOV.
+    /// Returns the AOV that the layer stands for: one with the same name, channels and combination that means the same
+    /// in all engines (albedo, normal or depth). `None`: there is no such AOV.
     pub fn as_aov(&self) -> Option<Aov> {
         let alike = |aov: &Aov| aov.name() == self.name && self.channels.iter().eq(aov.channels().iter());
         let shared = [Aov::Albedo, Aov::Normal, Aov::Depth];
@@ -45,7 +45,7 @@ impl Layer {
     }
 }
 
-/// An error about invalid layers.
+/// The reason why a picture cannot have these layers.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LayersError {
     /// There are too many layers or channels.
@@ -84,6 +84,9 @@ pub(crate) struct Layers {
 
 impl Layers {
     /// Checks and sorts layers, whose channels must differ from those of `aovs`.
+    ///
+    /// # Errors
+    /// There are too many layers or channels, a name that a file cannot hold, or two channels of the same name.
     pub(crate) fn new(mut list: Vec<Layer>, aovs: AovSet) -> Result<Self, LayersError> {
         let within = |what, found, most| {
             if found > most { Err(LayersError::Count { what, found, most }) } else { Ok(()) }

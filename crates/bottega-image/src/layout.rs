@@ -18,7 +18,7 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Offset of radiance R, G, B.
+    /// Offset of radiance R, G, B within a pixel, in floats; the other offsets likewise.
     pub const COLOR: usize = 0;
     /// Offset of the sum of alpha.
     pub const ALPHA: usize = 3;
@@ -38,7 +38,7 @@ impl Layout {
     ///
     /// # Errors
     ///
-    /// There are too many layers, or a name that a file cannot hold.
+    /// There are too many layers or channels, a name that a file cannot hold, or two channels of the same name.
     pub fn with_layers(aovs: AovSet, layers: Vec<Layer>) -> Result<Self, LayersError> {
         let plain = Self::new(aovs);
         if layers.is_empty() {
@@ -64,7 +64,7 @@ impl Layout {
         self.sums_end() - self.layers.as_ref().map_or(0, |layers| layers.mean_channels)
     }
 
-    /// Iterates over the layers with their offsets.
+    /// Iterates over the layers, each with the offset of its first float within a pixel.
     pub fn placed_layers(&self) -> impl Iterator<Item = (usize, &Layer)> {
         self.layers().iter().scan(self.mean_layers_start(), |next, layer| {
             let offset = *next;
@@ -104,7 +104,8 @@ impl Layout {
         self.stride as usize
     }
 
-    /// Returns the offset of the first float that is not a sum; see [`Combine::Pick`](crate::Combine::Pick).
+    /// Returns the offset of the first float that is not a sum; see [`Combine::Pick`](crate::Combine::Pick). It equals
+    /// [`stride`](Self::stride) without picked layers.
     pub fn sums_end(&self) -> usize {
         self.stride() - self.layers.as_ref().map_or(0, |layers| layers.picked_floats())
     }
@@ -116,7 +117,7 @@ impl Layout {
         end - count * matte::FLOATS..end
     }
 
-    /// Returns the offset of the first float of `aov`; `None` if it is not kept.
+    /// Returns the offset of the first float of `aov` within a pixel; `None` if it is not kept.
     pub fn offset(&self, aov: Aov) -> Option<usize> {
         match aov {
             Aov::SampleCount => return Some(Self::SAMPLE_COUNT),

@@ -17,7 +17,9 @@ const BLOCK: usize = 8;
 const EXCESS: f64 = 4.0;
 
 impl Tile {
-    /// Returns true if `other` may be another rendering of the same pixels, with its own noise and small errors.
+    /// Returns true if `other` may be another rendering of the same pixels, with its own noise and small errors; false
+    /// if the tiles differ in rectangle, layout or sample counts, or a pixel has no samples or a value that is not
+    /// finite.
     ///
     /// Compares in every channel, on a logarithmic scale (so that a bright sample does not hide everything): the mean
     /// of the tile and of every block of 8 × 8 pixels, by the deviation of the pixels' differences; the difference of

@@ -17,7 +17,7 @@ impl Default for ReadLimits {
     }
 }
 
-/// The compression of a picture's values.
+/// The compression of a picture's values: the limit on how many bytes of values a byte of the file can give.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Packing {
     /// Uncompressed: the file is no smaller than its values.
@@ -29,13 +29,13 @@ pub enum Packing {
 }
 
 impl Packing {
-    /// Run-length encoding: two bytes for 128.
+    /// Run-length encoding: two bytes give at most 128.
     pub const RUNS: Self = Self::Ratio(64);
-    /// Deflate, in PNG, TIFF and EXR: 258 bytes for two bits.
+    /// Deflate, in PNG, TIFF and EXR: two bits give at most 258 bytes.
     pub const DEFLATE: Self = Self::Ratio(1032);
-    /// LZW: strings of up to 4096 bytes for 12 bits.
+    /// LZW: 12 bits give a string of at most 4096 bytes.
     pub const LZW: Self = Self::Ratio(2732);
-    /// JPEG: one bit for the 64 values of a block.
+    /// JPEG: one bit gives at most the 64 values of a block.
     pub const JPEG: Self = Self::Ratio(512);
 }
 
@@ -44,11 +44,15 @@ const FREE_PIXELS: u64 = 1 << 24;
 /// Further pixels per byte of such a file.
 const PIXELS_OF_A_BYTE: u64 = 4096;
 
-/// Checks that a file can hold the pixels that its header announces. The error says that it was cut off or its header
-/// is wrong.
+/// Checks that a file can hold the pixels that its header announces.
 ///
+/// - `(width, height)`: announced size, in pixels.
 /// - `pixel_bits`: bits per stored pixel, before compression.
+/// - `packing`: compression of the file.
 /// - `file_bytes`: size of the whole file.
+///
+/// # Errors
+/// The file is too small; the text says that it was cut off or its header is wrong.
 pub fn check_announced(
     (width, height): (u64, u64),
     pixel_bits: u64,

@@ -11,7 +11,7 @@ impl Metadata {
     /// Maximal length of a key, in bytes: PNG's limit.
     pub const MAX_KEY_BYTES: usize = 79;
 
-    /// Returns metadata with this software's name and version.
+    /// Returns metadata with one entry, `software`: the name and version of this software.
     pub fn new() -> Self {
         let mut metadata = Self::default();
         metadata.set("software", concat!("Bottega ", env!("CARGO_PKG_VERSION")));

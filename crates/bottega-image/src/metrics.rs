@@ -73,7 +73,12 @@ pub fn rel_mse_trimmed(reference: &Picture, test: &Picture, trim: f64) -> Result
     Ok(if kept == 0 { 0.0 } else { sum / kept as f64 })
 }
 
-/// Computes the relative squared error of every pixel, averaged over its channels: `[height × width]`.
+/// Computes the relative squared error of every pixel: (x − r)² / (r² + 0.01), averaged over its channels.
+///
+/// Returns `[height × width]` values.
+///
+/// # Errors
+/// The pictures differ in size.
 pub fn rel_mse_map(reference: &Picture, test: &Picture) -> Result<Vec<f32>, ImageError> {
     check_sizes(reference, test)?;
     let of_pixel = |(r, x): (&[f32; 3], &[f32; 3])| {
@@ -88,6 +93,9 @@ pub fn rel_mse_map(reference: &Picture, test: &Picture) -> Result<Vec<f32>, Imag
 
 /// Computes the mean squared error of displayed values: sRGB-encoded, in [0, 1], over all pixels and channels. It
 /// weighs a pixel by how wrong it looks, not by its radiance.
+///
+/// # Errors
+/// The pictures differ in size.
 pub fn srgb_mse(reference: &Picture, test: &Picture) -> Result<f64, ImageError> {
     check_sizes(reference, test)?;
     let shown = |value: f64| f64::from(srgb_from_linear(value.clamp(0.0, 1.0) as f32));

@@ -22,10 +22,10 @@ pub enum OutputFormat {
 }
 
 impl OutputFormat {
-    /// Returns the format named by the extension of `path`.
+    /// Returns the format named by the extension of `path`; letter case is ignored.
     ///
     /// # Errors
-    /// Another extension, or none.
+    /// The extension is neither .exr nor .png, or there is none.
     pub fn of(path: &Path) -> Result<Self, ImageError> {
         let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
         match extension.as_deref() {
@@ -42,7 +42,7 @@ fn not_writable(path: &Path, reason: impl Into<String>) -> ImageError {
 }
 
 /// Checks before rendering that a picture can be written to `path`: the extension, the folder, what exists there.
-/// Leaves nothing behind.
+/// Leaves nothing behind. Returns the format of the file.
 ///
 /// # Errors
 /// The path names a directory, an unknown format, or a place where nothing can be written.
@@ -81,7 +81,7 @@ pub fn write_whole(path: impl AsRef<Path>, bytes: &[u8]) -> Result<(), ImageErro
     write_whole_with(path, |out| out.write_all(bytes))
 }
 
-/// Like [`write_whole`], with a function that writes the bytes piece by piece.
+/// Writes a file like [`write_whole`], with a function that writes the bytes piece by piece.
 ///
 /// # Errors
 /// The file cannot be written, or `write` fails; then the old file is unchanged.
@@ -142,6 +142,9 @@ pub(crate) struct AtomicFile {
 
 impl AtomicFile {
     /// Creates a temporary file in the destination's folder, or in the system's for a FIFO or device.
+    ///
+    /// # Errors
+    /// The path names no file, or the temporary file cannot be created.
     pub(crate) fn create(path: &Path) -> Result<Self, ImageError> {
         let destination = Destination::of(path)?;
         let (place, folder) = match &destination {

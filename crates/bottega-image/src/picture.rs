@@ -17,7 +17,7 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Returns a black picture.
+    /// Returns a black picture. `width` and `height` are in pixels.
     pub fn new(width: u32, height: u32) -> Self {
         Self { width, height, data: vec![[0.0; 3]; width as usize * height as usize] }
     }
@@ -28,7 +28,7 @@ impl Picture {
         Self { width, height, data }
     }
 
-    /// Returns width and height.
+    /// Returns width and height, in pixels.
     pub fn size(&self) -> (u32, u32) {
         (self.width, self.height)
     }
@@ -39,7 +39,7 @@ impl Picture {
         self.data[y as usize * self.width as usize + x as usize]
     }
 
-    /// Returns the part inside `rect`, which must be within the picture.
+    /// Returns the part inside `rect`. Panics if that is not within the picture.
     #[must_use]
     pub fn cropped(&self, rect: crate::Rect) -> Self {
         Self::from_fn(rect.width(), rect.height(), |x, y| self.pixel(rect.x0 + x, rect.y0 + y))

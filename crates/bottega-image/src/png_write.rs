@@ -37,7 +37,7 @@ pub enum PngBits {
 /// Writes a film to `path`, atomically: exposure, tone mapping and encoding, row by row. Metadata becomes text chunks.
 ///
 /// # Errors
-/// The file cannot be written.
+/// The film has no pixels, or the file cannot be written.
 pub fn write_png(
     path: impl AsRef<Path>,
     film: &Film,
@@ -47,10 +47,10 @@ pub fn write_png(
     frame_of(film, options, metadata).write(path.as_ref(), |row, out| encode_row(film, row, options, out))
 }
 
-/// Encodes a film as [`write_png`] does.
+/// Returns the bytes of the file that [`write_png`] writes.
 ///
 /// # Errors
-/// The encoder refuses the picture.
+/// The film has no pixels, or more than a PNG file can have.
 pub fn png_bytes(film: &Film, options: &PngOptions, metadata: &Metadata) -> Result<Vec<u8>, ImageError> {
     frame_of(film, options, metadata).to_bytes(|row, out| encode_row(film, row, options, out))
 }

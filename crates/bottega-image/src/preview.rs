@@ -22,6 +22,7 @@ impl Preview {
     /// Returns a black preview.
     ///
     /// - `rect`: the crop window, or the whole picture, in picture coordinates.
+    /// - `exposure_stops`: exposure in stops; positive: brighter.
     pub fn new(rect: Rect, exposure_stops: f32, tone: ToneMap) -> Self {
         let pixels = (0..rect.area()).map(|_| AtomicU32::new(0)).collect();
         Self { rect, exposure_stops, tone, pixels }
@@ -65,7 +66,10 @@ impl Preview {
         }
     }
 
-    /// Encodes the current state as a PNG file.
+    /// Encodes the current state as a PNG file. Returns its bytes.
+    ///
+    /// # Errors
+    /// The preview has no pixels, or more than a PNG file can have.
     pub fn to_png(&self) -> Result<Vec<u8>, ImageError> {
         let width = self.rect.width() as usize;
         png_bytes_rgb8((self.rect.width(), self.rect.height()), |row, out| {

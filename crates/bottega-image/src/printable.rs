@@ -14,8 +14,8 @@ fn acts(c: char) -> bool {
         )
 }
 
-/// Escapes characters with an effect on a terminal as in JSON: `\n`, `\r`, `\t`, `\u001b`. The text then keeps its
-/// line, column and color.
+/// Returns a text whose characters with an effect on a terminal are escaped as in JSON: `\n`, `\r`, `\t`, `\u001b`. The
+/// text then keeps its line, column and color.
 pub fn printable(text: &str) -> Cow<'_, str> {
     escaped(text, acts)
 }
@@ -25,7 +25,7 @@ pub fn printable_lines(text: &str) -> Cow<'_, str> {
     escaped(text, |c| acts(c) && c != '\n' && c != '\t')
 }
 
-/// Escapes the path of a file; see [`printable`].
+/// Returns the path of a file as text, escaped like [`printable`].
 pub fn printable_path(path: &Path) -> String {
     printable(&path.to_string_lossy()).into_owned()
 }

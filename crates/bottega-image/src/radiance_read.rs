@@ -21,7 +21,8 @@ const HEADER_BYTES_MAX: u64 = 1 << 16;
 /// Number of bytes that [`recognizes`] needs.
 pub(crate) const MARK_BYTES: usize = 256;
 
-/// Recognizes a Radiance picture by its first bytes: its magic number, or a line that only such a file has.
+/// Returns true if the first bytes of a file are those of a Radiance picture: its magic number, or a line that only
+/// such a file has.
 pub(crate) fn recognizes(start: &[u8]) -> bool {
     if start.starts_with(b"#?") {
         return true;

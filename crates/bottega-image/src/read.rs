@@ -55,7 +55,13 @@ pub fn read_channels(
     read_from(&PictureSource::new(path, limits), BufReader::new(file), names)
 }
 
-/// Reads a picture as [`read_image`] does, from the bytes of a file; `name` is for errors.
+/// Reads a picture as [`read_image`] does, from the bytes of a file.
+///
+/// - `name`: file name, for errors.
+/// - `bytes`: the whole file.
+///
+/// # Errors
+/// As for [`read_picture`].
 pub fn read_image_bytes(name: impl AsRef<Path>, bytes: &[u8], limits: ReadLimits) -> Result<ImageFile, ImageError> {
     read_from(&PictureSource::new(name.as_ref(), limits), std::io::Cursor::new(bytes), &[]).map(|(file, _)| file)
 }

@@ -36,7 +36,7 @@ impl<T> Sides<T> {
         Self { left: value, top: value, right: value, bottom: value }
     }
 
-    /// Maps each value by a function.
+    /// Returns the values of a function for each side.
     pub fn map<U>(self, mut to: impl FnMut(T) -> U) -> Sides<U> {
         Sides { left: to(self.left), top: to(self.top), right: to(self.right), bottom: to(self.bottom) }
     }
@@ -48,13 +48,14 @@ impl<T> Sides<T> {
 }
 
 impl Rect {
-    /// Returns the rectangle between two corners. Panics if a side is negative.
+    /// Returns the rectangle from the corner (x0, y0) to the corner (x1, y1), whose column and row are outside. Panics
+    /// if a side is negative.
     pub fn new(x0: u32, y0: u32, x1: u32, y1: u32) -> Self {
         assert!(x0 <= x1 && y0 <= y1, "rectangle with negative side: {x0},{y0},{x1},{y1}");
         Self { x0, y0, x1, y1 }
     }
 
-    /// Returns the rectangle of a whole picture.
+    /// Returns the rectangle of a whole picture, in pixels.
     pub fn of_size(width: u32, height: u32) -> Self {
         Self { x0: 0, y0: 0, x1: width, y1: height }
     }
@@ -100,12 +101,12 @@ impl Rect {
         (r.x0 < r.x1 && r.y0 < r.y1).then_some(r)
     }
 
-    /// Grows the rectangle by `margin` pixels on every side, within `limit`.
+    /// Returns the rectangle grown by `margin` pixels on every side, but not beyond `limit`.
     pub fn grown(&self, margin: u32, limit: &Self) -> Self {
         self.grown_by(Sides::all(margin), limit)
     }
 
-    /// Grows the rectangle by a margin for each side, within `limit`.
+    /// Returns the rectangle grown by a margin in pixels for each side, but not beyond `limit`.
     pub fn grown_by(&self, margins: Sides<u32>, limit: &Self) -> Self {
         Self {
             x0: self.x0.saturating_sub(margins.left).max(limit.x0),
@@ -115,7 +116,7 @@ impl Rect {
         }
     }
 
-    /// Returns the index of pixel (x, y) in row-major order within this rectangle.
+    /// Returns the index of pixel (x, y) in row-major order within this rectangle. The pixel must be inside.
     pub fn index(&self, x: u32, y: u32) -> usize {
         debug_assert!(self.contains(x, y));
         (y - self.y0) as usize * self.width() as usize + (x - self.x0) as usize

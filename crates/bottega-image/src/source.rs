@@ -41,6 +41,11 @@ impl<'a> PictureSource<'a> {
     }
 
     /// Checks the size in a header, before anything is allocated.
+    ///
+    /// - `width`, `height`: in pixels.
+    ///
+    /// # Errors
+    /// The picture has no pixels, or more than the limits allow.
     pub(crate) fn check_size(&self, width: u64, height: u64) -> Result<(), ImageError> {
         let max_pixels = self.limits.max_pixels;
         match width.checked_mul(height) {
@@ -62,6 +67,11 @@ pub(crate) fn file_bytes<R: Seek>(source: &PictureSource<'_>, input: &mut R) -> 
 }
 
 /// Runs a decoder and turns its panics into errors of the file: fuzzing has found panics in third-party decoders.
+///
+/// - `format`: name of the file format, for the error.
+///
+/// # Errors
+/// The decoder fails or panics.
 pub(crate) fn guarded<T>(
     source: &PictureSource<'_>,
     format: &'static str,

@@ -7,7 +7,9 @@ use std::fmt::{Display, Write};
 pub struct Svg(String);
 
 impl Svg {
-    /// Starts an empty drawing; sizes in pixels.
+    /// Starts an empty drawing.
+    ///
+    /// - `width`, `height`, `font_size`: in pixels.
     pub fn new(width: f64, height: f64, font_size: u32) -> Self {
         Self(format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
@@ -22,8 +24,9 @@ impl Svg {
         _ = writeln!(self.0, "{elements}");
     }
 
-    /// Adds text, with its left end at a position unless an attribute says otherwise.
+    /// Adds a text, escaped, with its left end at a position unless an attribute says otherwise.
     ///
+    /// - `[x, y]`: position of its base line, in pixels from the upper left.
     /// - `attributes`: attributes other than the position, such as `fill="red"`.
     pub fn text(&mut self, [x, y]: [f64; 2], attributes: &str, text: impl Display) {
         let text = svg_text(&text.to_string());
@@ -38,7 +41,7 @@ impl Svg {
     }
 }
 
-/// Escapes a text for an element or attribute.
+/// Escapes a text for an element or attribute. Control characters become spaces.
 pub fn svg_text(text: &str) -> String {
     let mut out = String::new();
     for character in text.chars() {

@@ -2,7 +2,7 @@
 
 use crate::{Aov, Layout, Rect, matte};
 
-/// The values of one sample of a pixel. The caller must pass finite values: see [`Tile::add`].
+/// The values of one sample of a pixel. They must be finite: the sums of [`Tile::add`] keep infinity and NaN.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SampleValues {
     /// Radiance, linear Rec. 709 RGB.
@@ -74,7 +74,8 @@ impl Tile {
         &mut self.sums
     }
 
-    /// Returns the sums of pixel (x, y), `[stride]`.
+    /// Returns the sums of pixel (x, y), `[stride]`. The pixel, in picture coordinates, must be in the tile; the same
+    /// holds for the functions that add to a pixel.
     pub fn pixel(&self, x: u32, y: u32) -> &[f32] {
         let stride = self.layout.stride();
         let start = self.rect.index(x, y) * stride;
@@ -111,7 +112,7 @@ impl Tile {
         put(Aov::Indirect, &[0, 1, 2].map(|channel| values.radiance[channel] - values.direct[channel]));
     }
 
-    /// Adds the first surface of a sample to pixel (x, y), beside [`Self::add`].
+    /// Adds the first surface of a sample to pixel (x, y). Call it beside [`Self::add`], once per sample.
     pub fn add_surface(&mut self, x: u32, y: u32, values: &SurfaceValues) {
         let stride = self.layout.stride();
         let start = self.rect.index(x, y) * stride;
@@ -147,7 +148,7 @@ impl Tile {
     /// The variance is that between `before`, the same tile with fewer samples, and the samples since. The variance
     /// within a pixel is too high with a low-discrepancy sequence, whose sum converges faster than that of independent
     /// samples. If both parts are negatively correlated, as usual, the estimate is conservative. `None` if no samples
-    /// were added, or there were none before.
+    /// were added, there were none before, or the tiles differ in rectangle or layout.
     pub fn relative_error(&self, before: &Self) -> Option<f64> {
         if self.rect != before.rect || self.layout != before.layout || self.rect.is_empty() {
             return None;

@@ -24,7 +24,7 @@ pub enum Encoding {
 }
 
 impl ToneMap {
-    /// Maps linear radiance to linear display values in [0, 1]. NaN and −∞ become 0, ∞ becomes 1.
+    /// Returns the linear display values, in [0, 1], of linear radiance. NaN and −∞ become 0, ∞ becomes 1.
     pub fn apply(self, color: [f32; 3]) -> [f32; 3] {
         let color = color.map(|v| if v.is_nan() { 0.0 } else { v.clamp(0.0, 1e9) });
         let mapped = match self {
@@ -46,12 +46,12 @@ impl Encoding {
     }
 }
 
-/// Encodes a linear value by the sRGB curve, IEC 61966-2-1.
+/// Encodes a linear value in [0, 1] by the sRGB curve, IEC 61966-2-1.
 pub fn srgb_from_linear(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Decodes a value by the sRGB curve; the inverse of [`srgb_from_linear`].
+/// Decodes a value in [0, 1] by the sRGB curve; the inverse of [`srgb_from_linear`].
 pub fn linear_from_srgb(encoded: f32) -> f32 {
     if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
@@ -150,6 +150,8 @@ pub(crate) fn quantize(encoded: f32, max: f64, dither: Option<(u32, u32)>) -> u3
 }
 
 /// Applies exposure and tone mapping to radiance. Returns linear display values in [0, 1].
+///
+/// - `exposure_stops`: exposure in stops; positive: brighter.
 pub fn displayed(color: [f32; 3], exposure_stops: f32, tone: ToneMap) -> [f32; 3] {
     let factor = exposure_factor(exposure_stops);
     tone.apply(color.map(|v| v * factor))

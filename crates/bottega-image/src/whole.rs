@@ -13,7 +13,7 @@ use crate::{
     source::{PictureSource, guarded},
 };
 
-/// Returns true if these are the bytes of an OpenEXR or Radiance file.
+/// Returns true if bytes begin like an OpenEXR or Radiance file.
 pub fn is_float_picture(bytes: &[u8]) -> bool {
     is_exr(bytes) || radiance_read::recognizes(bytes)
 }
@@ -45,7 +45,13 @@ pub struct WholePicture {
 }
 
 impl WholeHeader {
-    /// Reads and checks the header of a file; `bytes` is the whole file, `name` is for errors.
+    /// Reads and checks the header of an OpenEXR or Radiance file.
+    ///
+    /// - `name`: file name, for errors.
+    /// - `bytes`: the whole file.
+    ///
+    /// # Errors
+    /// The bytes are not such a picture, are damaged, or exceed the limits.
     pub fn read(name: impl AsRef<Path>, bytes: &[u8], limits: ReadLimits) -> Result<Self, ImageError> {
         let source = PictureSource::new(name.as_ref(), limits);
         if is_exr(bytes) {
@@ -78,7 +84,9 @@ impl WholeHeader {
     }
 }
 
-/// Reads the picture of a file; see [`WholeHeader::read`].
+/// Reads the picture of an OpenEXR or Radiance file; `name` and `bytes` as for [`WholeHeader::read`].
+///
+/// - `white_point`: treatment of a white point other than D65.
 ///
 /// # Errors
 /// The bytes are not such a picture, are damaged, or exceed the limits.

@@ -44,8 +44,11 @@ impl Default for Comparisons {
 }
 
 impl Comparisons {
-    /// Keeps a picture that a client has sent, in place of the oldest one if there are too many. Returns its number and its
-    /// size in pixels.
+    /// Keeps a picture that a client has sent, in place of the oldest one if there are too many. Returns its number and its size
+    /// in pixels.
+    ///
+    /// # Errors
+    /// The bytes are not a picture that can be read.
     pub(crate) fn keep(&self, bytes: Vec<u8>) -> Result<(u32, (u32, u32)), Problem> {
         let size = read("the picture", &bytes)?.size();
         let mut state = self.state();
@@ -59,6 +62,9 @@ impl Comparisons {
     }
 
     /// Returns a sent picture as a PNG file for display.
+    ///
+    /// # Errors
+    /// There is no such picture, or it cannot be encoded.
     pub(crate) fn shown(&self, number: u32) -> Result<Vec<u8>, Problem> {
         let file = self.sent(number)?;
         if file.bytes.starts_with(b"\x89PNG") {
@@ -68,9 +74,12 @@ impl Comparisons {
         Canvas::of_picture(&picture, 0.0, ToneMap::Agx).to_png().map_err(|error| unread(&file.name, &error))
     }
 
-    /// Compares the picture of a job with another one.
+    /// Compares the picture of a job with another one. Returns their difference.
     ///
     /// - `other`: `job-2`, or `picture-1` for a sent picture.
+    ///
+    /// # Errors
+    /// A picture is missing or unreadable, or the pictures differ in size.
     pub(crate) fn compare(
         &self,
         farm: &dyn ShownFarm,

@@ -45,7 +45,7 @@ const WORK: u64 = 1;
 /// Largest number of log lines kept.
 const LOG_LINES_MAX: usize = 200;
 
-/// Serves the picture of this process to clients.
+/// A web server that shows the picture of this process to clients, until the process ends.
 #[derive(Clone)]
 pub struct Dashboard {
     painted: Arc<PaintedJob>,
@@ -83,7 +83,7 @@ impl Dashboard {
     /// - `stop`: stops rendering; clients can request it.
     ///
     /// # Errors
-    /// The address cannot be listened on.
+    /// The address cannot be listened on, no tokens or certificate can be made, or the operating system refuses a thread.
     pub fn serve(address: SocketAddr, stop: &StopSwitch) -> Result<Self, ServeError> {
         let state = Mutex::new(PaintedState::new());
         let (live, messages, meter) = (Arc::default(), Mutex::default(), UsageMeter::new(None));
@@ -101,7 +101,7 @@ impl Dashboard {
         self.door.steering_url()
     }
 
-    /// Sets the request that is being rendered, which viewports of its scene need.
+    /// Sets the request that is being rendered, which viewports of its scene need. Only the first call has an effect.
     pub fn show_request(&self, request: &Request) {
         _ = self.painted.request.set(request.clone());
     }
@@ -120,7 +120,9 @@ impl Dashboard {
         self.painted.messages.lock().unwrap_or_else(PoisonError::into_inner).push(message);
     }
 
-    /// Sets the preview, the bytes of a PNG file. Clients learn of it by [`Event::Preview`].
+    /// Sets the preview. Clients learn of it by [`Event::Preview`].
+    ///
+    /// - `png`: the bytes of a PNG file.
     pub fn set_preview(&self, png: Vec<u8>) {
         let mut state = self.painted.state();
         (state.preview, state.view.seen) = (Some(png), true);

@@ -1,6 +1,6 @@
 //! The errors of opening a door.
 
-/// The reason why a door could not be opened.
+/// The reason why an HTTP server could not be started.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
     /// The address cannot be listened on.

@@ -106,6 +106,9 @@ pub(crate) async fn admit(
 }
 
 /// Admits requests of all clients within the rate limit.
+///
+/// # Errors
+/// The client has exceeded the limit (429).
 pub(crate) async fn pace(
     State(door): State<Arc<DoorState>>,
     Extension(Client(address)): Extension<Client>,

@@ -27,7 +27,7 @@ pub(crate) const VIEWPORTS_MAX: usize = 4;
 pub(crate) const VIEWPORT_IDLE: Duration = Duration::from_secs(20);
 /// Longest time that a request waits for a new frame of a viewport.
 pub(crate) const FRAME_TIME: Duration = Duration::from_secs(5);
-/// Largest JSON body, in bytes.
+/// Largest JSON body of a request, in bytes; a larger one gets status 413.
 pub const JSON_BYTES_MAX: usize = 1 << 20;
 /// Largest size of all headers of a request, in bytes.
 pub(crate) const HEADER_BYTES_MAX: usize = 16 << 10;

@@ -52,7 +52,7 @@ const WATCH_EVERY: Duration = Duration::from_secs(2);
 /// Shortest interval between two renewals of a preview.
 const PREVIEW_EVERY: Duration = Duration::from_millis(700);
 
-/// A farm to which this process is linked.
+/// A source of data that shows the farm to which this process is linked.
 pub struct LinkedFarm {
     board: JobBoard,
     secrets: WebSecrets,
@@ -89,7 +89,7 @@ struct FreshPreview {
 }
 
 impl LinkedFarm {
-    /// Makes a source from the board of a farm.
+    /// Makes a source from the job records of a farm.
     ///
     /// - `secrets`: the secrets from which its own tokens are derived.
     pub fn new(board: JobBoard, secrets: WebSecrets) -> Self {

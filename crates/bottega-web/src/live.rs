@@ -14,7 +14,7 @@ use crate::redact::{redacted_json, without_paths};
 /// Largest number of notes and auction rounds kept for new clients.
 const NOTES_MAX: usize = 200;
 
-/// The live state of a job.
+/// The live state of a job, as clients follow it by an event stream.
 #[derive(Default)]
 pub struct LiveJob {
     state: Mutex<LiveState>,

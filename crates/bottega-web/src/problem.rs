@@ -28,19 +28,25 @@ pub struct Problem {
 }
 
 impl Problem {
-    /// Makes a problem with its remedy; an empty text means none.
+    /// Makes a problem.
+    ///
+    /// - `status`: the HTTP status.
+    /// - `detail`: the problem of this request.
+    /// - `remedy`: advice for the client; empty: none.
     pub fn new(status: StatusCode, detail: impl Into<String>, remedy: impl Into<String>) -> Self {
         let title = status.canonical_reason().unwrap_or_default().to_owned();
         let remedy = Some(remedy.into()).filter(|remedy: &String| !remedy.is_empty());
         Self { status: status.as_u16(), title, detail: detail.into(), remedy }
     }
 
-    /// Makes the problem of something that does not exist (404).
+    /// Makes the problem of a request for something that does not exist (404).
+    ///
+    /// - `what`: the problem, such as `there is no job 7`.
     pub fn unknown(what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::new(StatusCode::NOT_FOUND, what, remedy)
     }
 
-    /// Makes the problem of a request that conflicts with the current state (409).
+    /// Makes the problem of a request that conflicts with the current state (409); parameters as for [`Self::new`].
     pub fn conflict(detail: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::new(StatusCode::CONFLICT, detail, remedy)
     }

@@ -112,6 +112,12 @@ pub(crate) fn json_text(status: StatusCode, text: String) -> Response {
 }
 
 /// Reads the whole body of a request.
+///
+/// - `bytes_max`: largest size of the body, in bytes.
+/// - `patience`: time limit.
+///
+/// # Errors
+/// The body is too large, or does not arrive in time.
 pub(crate) async fn body(request: Request, bytes_max: usize, patience: Duration) -> Result<Vec<u8>, Problem> {
     let too_large = || {
         let detail = format!("the body has more than {bytes_max} bytes");
@@ -145,6 +151,9 @@ fn is_length_limit(error: &axum::Error) -> bool {
 }
 
 /// Reads the body of a request as JSON.
+///
+/// # Errors
+/// Those of [`body`], or the content type or the contents are not the expected JSON.
 pub(crate) async fn json_body<T: DeserializeOwned>(request: Request<Body>) -> Result<T, Problem> {
     let kind = request.headers().get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
     if kind.split(';').next().unwrap_or_default().trim() != "application/json" {

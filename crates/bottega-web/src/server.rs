@@ -40,7 +40,7 @@ const PAUSE: Duration = Duration::from_millis(50);
 /// Largest number of threads that call the farm.
 const THREADS_MAX: usize = 32;
 
-/// The options of a door.
+/// The options of a [`Door`].
 pub struct DoorOptions {
     /// The listening socket. Other than on loopback addresses the door speaks TLS only.
     pub listener: TcpListener,
@@ -60,10 +60,10 @@ pub struct Door {
 }
 
 impl Door {
-    /// Starts serving on a thread.
+    /// Starts to serve on a thread.
     ///
     /// # Errors
-    /// The certificate is invalid, or the operating system refuses a thread.
+    /// The certificate is invalid, or the operating system refuses the socket or a thread.
     pub fn open(farm: Arc<dyn ShownFarm>, options: DoorOptions) -> Result<Self, ServeError> {
         let DoorOptions { listener, certificate, names, log } = options;
         listener.set_nonblocking(true)?;
@@ -89,7 +89,7 @@ impl Door {
         self.address
     }
 
-    /// Returns the URL without a token.
+    /// Returns the URL without a token, such as `http://127.0.0.1:8080`.
     pub fn url(&self) -> String {
         let scheme = if self.is_secure { "https" } else { "http" };
         let host = if self.address.ip().is_unspecified() { "127.0.0.1".to_owned() } else { host_of(self.address) };

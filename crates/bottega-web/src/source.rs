@@ -115,7 +115,7 @@ pub struct MachineRefusal {
     pub reason: String,
 }
 
-/// The file of a picture.
+/// The file of a picture: its name and its bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PictureFile {
     /// Name of the file.
@@ -151,8 +151,8 @@ pub trait ShownFarm: Send + Sync + 'static {
     /// No job has that number; likewise for all other methods with a job number.
     fn job(&self, number: u32) -> Result<JobView, Problem>;
 
-    /// Returns the request of a job for submitting it again by [`Self::submit`] with the files of that job: the fields that
-    /// differ from their defaults.
+    /// Returns the request of a job, to submit it again by [`Self::submit`] with the files of that job. Only fields that differ
+    /// from their defaults are in it.
     ///
     /// # Errors
     /// Those of [`Self::job`].
@@ -239,7 +239,7 @@ pub trait ShownFarm: Send + Sync + 'static {
     /// The state of the job does not allow the order.
     fn steer(&self, number: u32, order: JobOrder, by: &str) -> Result<(), Problem>;
 
-    /// Requeues a finished or failed zone of a job.
+    /// Requests that a finished or failed zone of a job is painted again.
     ///
     /// # Errors
     /// There is no such zone, or it is not finished.
@@ -259,6 +259,8 @@ pub trait ShownFarm: Send + Sync + 'static {
 
     /// Stores a piece of a file.
     ///
+    /// - `digest`: the BLAKE3 hash of the piece, in hexadecimal.
+    ///
     /// # Errors
     /// The piece does not match its digest, or cannot be stored.
     fn put_piece(&self, digest: &str, bytes: &[u8]) -> Result<(), Problem>;
@@ -275,7 +277,7 @@ pub trait ShownFarm: Send + Sync + 'static {
     /// A file is missing, or the source is not a farm.
     fn uploaded_here(&self, submission: Submission) -> Result<Request, Problem>;
 
-    /// Lets free machines render samples of a viewport. `None`: there are no other machines.
+    /// Lets free machines render samples of a viewport until the returned value is dropped. `None`: there are no other machines.
     fn share(&self, viewport: &Arc<Viewport>) -> Option<SharedViewport>;
 
     /// Returns the holder of a token; `None`: the token is unknown or revoked. Returns at once.
@@ -290,7 +292,7 @@ pub trait ShownFarm: Send + Sync + 'static {
     /// The farm does not answer.
     fn tokens(&self) -> Result<Vec<WebToken>, Problem>;
 
-    /// Makes a token.
+    /// Makes a token. Returns it; it cannot be shown again.
     ///
     /// # Errors
     /// The name is invalid or taken.

@@ -58,6 +58,9 @@ impl DoorState {
 
     /// Calls the farm on another thread, and waits at most `patience`. A call that takes longer continues in the background and
     /// occupies its place until it ends.
+    ///
+    /// # Errors
+    /// The farm does not answer in time, or the call itself fails.
     pub(crate) async fn ask<T: Send + 'static>(
         &self,
         patience: Duration,

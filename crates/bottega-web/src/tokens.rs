@@ -36,7 +36,7 @@ impl TokenCookie {
         Self { name: format!("bottega_{port}"), is_secure }
     }
 
-    /// Returns the token of a request: from `Authorization: Bearer …`, or from the cookie.
+    /// Returns the token of a request: from `Authorization: Bearer …`, or from the cookie; `None`: it has none.
     pub(crate) fn shown<'a>(&self, headers: &'a HeaderMap) -> Option<&'a str> {
         let bearer = headers.get(header::AUTHORIZATION).and_then(|value| value.to_str().ok());
         if let Some(bearer) = bearer.and_then(|value| value.split_once(' ')) {

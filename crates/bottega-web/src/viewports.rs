@@ -51,6 +51,9 @@ pub(crate) struct ViewportPlace {
 
 impl Viewports {
     /// Reserves a place for a viewport.
+    ///
+    /// # Errors
+    /// There are too many viewports.
     pub(crate) fn place(self: &Arc<Self>) -> Result<ViewportPlace, Problem> {
         let mut state = self.state();
         if state.taken >= VIEWPORTS_MAX {
@@ -62,11 +65,18 @@ impl Viewports {
     }
 
     /// Returns a viewport, and marks it as used now.
+    ///
+    /// # Errors
+    /// There is no such viewport.
     pub(crate) fn get(&self, number: u32) -> Result<Arc<Viewport>, Problem> {
         self.watched(number).map(|(viewport, _)| viewport)
     }
 
-    /// Like [`Self::get`], with a receiver that is notified of possible new frames and ends when the viewport is closed.
+    /// Returns a viewport like [`Self::get`], with a receiver that is notified of possible new frames and ends when the viewport
+    /// is closed.
+    ///
+    /// # Errors
+    /// There is no such viewport.
     pub(crate) fn watched(&self, number: u32) -> Result<(Arc<Viewport>, watch::Receiver<()>), Problem> {
         let mut state = self.state();
         let known = state.open.get_mut(&number).map(|known| {

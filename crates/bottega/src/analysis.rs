@@ -87,7 +87,7 @@ impl AnalyzedScene {
     /// Reads the scene of a request and surveys it.
     ///
     /// # Errors
-    /// The request or its scene cannot be used.
+    /// The request or its scene cannot be used, or the survey fails.
     pub fn open(request: Request) -> Result<Self, Error> {
         request.validate()?;
         let subject = LoadedScene::load(&request)?;
@@ -108,6 +108,7 @@ impl AnalyzedScene {
 
     /// Surveys a loaded scene.
     ///
+    /// - `request`: the request for which the scene was loaded.
     /// - `painters`: number of CPU threads of the survey.
     ///
     /// # Errors
@@ -151,10 +152,10 @@ impl AnalyzedScene {
         self.settings.frame
     }
 
-    /// Returns the importance map, and the zones of a level.
+    /// Returns the importance map by a measure, and the zones of a level.
     ///
     /// # Errors
-    /// The picture cannot be divided.
+    /// The picture cannot be divided into zones.
     pub fn analyze(&self, function: ImportanceFunction, level: Level) -> Result<Analysis, Error> {
         let partition = PartitionSettings::for_agents(level, self.agents, self.frame());
         let partition = partition.within(None, zone_limits(&self.request.work));

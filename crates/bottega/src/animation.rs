@@ -10,7 +10,8 @@ use crate::{
 };
 
 impl Request {
-    /// Returns the request of one frame of an animation: its time, and its output file.
+    /// Returns the request of one frame of an animation: with the frame's time and output file, and without `frames`. A request
+    /// without `frames` is returned as it is.
     ///
     /// # Errors
     /// The name of the output has an invalid place for the number of a frame, or several.
@@ -28,7 +29,9 @@ impl Request {
         Ok(request)
     }
 
-    /// Returns the frames to render, in order. With `resume` those whose picture is missing or unfinished.
+    /// Returns the frames to render, in order; none for a request without `frames`.
+    ///
+    /// - `resume`: true to leave out frames whose picture is finished.
     ///
     /// # Errors
     /// Those of [`Self::at_frame`].

@@ -15,7 +15,8 @@ use crate::{devices::threads, error::Error, events::Event, request::Request, ses
 /// Name of the metadata entry that names the denoiser of a picture.
 pub const KEY: &str = "denoised";
 
-/// Loads the denoiser if the request asks for one. Called before rendering, so that a missing library is found early.
+/// Loads the denoiser if the request asks for one. Called before rendering, so that a missing library is found early. `None`: the
+/// request asks for none.
 ///
 /// # Errors
 /// Open Image Denoise is not installed, or too old.
@@ -25,6 +26,11 @@ pub fn ready(request: &Request) -> Result<Option<Denoiser>, Error> {
 
 /// Denoises a finished picture and reports progress. An unfinished picture stays as it is; so does one whose denoising the user
 /// stops.
+///
+/// - `denoiser`: the denoiser; `None`: the request asks for none, and nothing is done.
+///
+/// # Errors
+/// The denoiser fails.
 pub(crate) fn finish(
     denoiser: Option<&Denoiser>,
     request: &Request,
@@ -57,7 +63,12 @@ pub(crate) fn finish(
     }
 }
 
-/// Denoises a picture and notes it in the metadata. Returns the time it took.
+/// Denoises a picture in `report`, and names the denoiser in `metadata`. Returns the time it took.
+///
+/// - `progress`: called with the share that is done, 0 to 1; `Break` stops denoising.
+///
+/// # Errors
+/// The denoiser fails, or `progress` has stopped it; the picture then stays noisy.
 pub fn denoise(
     denoiser: &Denoiser,
     request: &Request,
@@ -73,7 +84,8 @@ pub fn denoise(
     Ok(begun.elapsed())
 }
 
-/// Denoises a complete picture whose job this machine has led for others, if the request asks for it.
+/// Denoises a complete picture whose job this machine has led for others, if the request asks for it. A partial picture stays as
+/// it is.
 ///
 /// # Errors
 /// As for [`ready`]; or the denoiser fails.
@@ -83,10 +95,11 @@ pub fn here(request: &Request, report: &mut JobReport, metadata: &mut Metadata) 
     Ok(())
 }
 
-/// Returns a warning if a picture completed by another machine should be denoised and is not.
+/// Returns a warning if a picture completed by another machine should be denoised and is not; `None`: it is denoised, or need not
+/// be.
 ///
-/// - `picture`: the file's bytes.
 /// - `output`: file name of the picture; its extension gives the format.
+/// - `picture`: the file's bytes.
 pub fn lacking(request: &Request, output: &Path, picture: &[u8]) -> Option<String> {
     let is_denoised = || {
         let file = read_image_bytes(output, picture, ReadLimits { max_pixels: u64::MAX }).ok()?;

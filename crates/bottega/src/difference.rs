@@ -35,7 +35,7 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// Compares two pictures of linear light.
+    /// Compares a picture with a reference, both in linear light.
     ///
     /// # Errors
     /// The pictures differ in size.

@@ -168,11 +168,14 @@ pub struct Excerpt {
 
 impl Error {
     /// Makes a usage error: the request must be changed to succeed.
+    ///
+    /// - `problem`: what is wrong, for the user.
+    /// - `remedy`: advice for the user.
     pub fn usage(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Usage { problem: problem.into(), remedy: remedy.into() }
     }
 
-    /// Makes an error of an operation that failed although the request was valid.
+    /// Makes an error of an operation that failed although the request was valid; parameters as for [`Self::usage`].
     pub fn failed(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Failed { problem: problem.into(), remedy: remedy.into() }
     }

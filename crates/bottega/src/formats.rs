@@ -26,7 +26,7 @@ const OTHERS: &[(&[&str], &str)] = &[
     (&["rib"], "RenderMan"),
 ];
 
-/// Returns the extension of a file in lower case, without the dot.
+/// Returns the extension of a file in lower case, without the dot; `None`: it has none, or one that is not Unicode.
 pub(crate) fn end_of(scene: &Path) -> Option<String> {
     Some(scene.extension()?.to_str()?.to_ascii_lowercase())
 }

@@ -28,7 +28,7 @@ pub struct Build {
 }
 
 impl Build {
-    /// Makes the build of a provenance.
+    /// Makes a build from its provenance.
     pub fn new((commit, is_changed, sources, compiler): Provenance) -> Self {
         let (number, settings) = (env!("CARGO_PKG_VERSION"), settings(compiler));
         let commit = match (commit, is_changed) {
@@ -51,7 +51,7 @@ impl Build {
         &self.commit
     }
 
-    /// Returns the identity with the commit, for people.
+    /// Returns the identity with the commit, as readable text.
     pub fn description(&self) -> &str {
         &self.description
     }
@@ -63,11 +63,14 @@ pub fn identity() -> &'static str {
 }
 
 /// Returns an identity with its commit as readable text.
+///
+/// - `commit`: the commit; empty: unknown, and left out.
 pub fn with_commit(identity: &str, commit: &str) -> String {
     if commit.is_empty() { identity.to_owned() } else { format!("{identity} (commit {commit})") }
 }
 
-/// Returns the difference of two builds with different identities, as a clause.
+/// Returns the difference of two builds with different identities as a clause of a message, such as "their version numbers
+/// differ".
 pub fn difference(one: &str, other: &str) -> &'static str {
     let parts = |identity: &str| {
         let (number, build) = identity.split_once('+').unwrap_or((identity, ""));

@@ -33,7 +33,7 @@ pub fn journal_of(output: &Path) -> PathBuf {
     PathBuf::from(path)
 }
 
-/// Returns true if the file is a journal of the picture with this name; see [`name_of`].
+/// Returns true if the file is a readable journal of the picture with this name; see [`name_of`].
 pub fn is_journal_of(path: &Path, name: &str) -> bool {
     let journal = File::open(path).ok().and_then(|file| Journal::read(BufReader::new(file)).ok());
     journal.is_some_and(|journal| journal.name == name)

@@ -63,19 +63,19 @@ impl fmt::Display for JsonError {
 impl std::error::Error for JsonError {}
 
 impl JsonError {
-    /// Returns true if the text is valid JSON with wrong fields.
+    /// Returns true if the text is valid JSON, but a field is wrong.
     pub fn is_data(&self) -> bool {
         !matches!(self, Self::Syntax { .. })
     }
 
-    /// Returns the path of the wrong field, such as `film.size`; empty: the whole.
+    /// Returns the path of the wrong field, such as `film.size`; empty: the whole text.
     pub fn field(&self) -> &str {
         match self {
             Self::Syntax { field, .. } | Self::Value { field, .. } | Self::Field { field, .. } => field,
         }
     }
 
-    /// Returns the error with the path of its field below `section`.
+    /// Returns the error with the path of its field prefixed by `section`.
     #[must_use]
     pub fn within(mut self, section: &str) -> Self {
         let (Self::Syntax { field, .. } | Self::Value { field, .. } | Self::Field { field, .. }) = &mut self;

@@ -46,10 +46,10 @@ pub struct LoadedScene {
 }
 
 impl LoadedScene {
-    /// Reads the scene file of a request.
+    /// Reads and prepares the scene file of a request.
     ///
     /// # Errors
-    /// The scene cannot be read, or has no such camera.
+    /// The scene cannot be read or prepared, or has no such camera.
     pub fn load(request: &Request) -> Result<Self, Error> {
         Self::of(load(request)?, request)
     }
@@ -57,7 +57,7 @@ impl LoadedScene {
     /// Prepares a scene in memory, with the camera, size and environment of a request.
     ///
     /// # Errors
-    /// The scene is invalid, has no camera or not the requested one.
+    /// The scene is invalid, cannot be prepared, or has no camera or not the requested one.
     pub fn of_scene(scene: impl Into<Loaded>, request: &Request) -> Result<Self, Error> {
         let mut loaded = scene.into();
         loaded.scene.validate()?;
@@ -84,7 +84,7 @@ impl LoadedScene {
         Ok(Self { prepared, prepass: Arc::default(), view, camera, cameras, warnings, hints, files, loaded })
     }
 
-    /// Changes camera and size to those of a request that differs in its view alone. Nothing is read or prepared again.
+    /// Returns the scene with the camera and size of a request that differs in its view alone. Nothing is read or prepared again.
     ///
     /// # Errors
     /// The scene has no such camera, or the pose is invalid.

@@ -63,7 +63,7 @@ impl Method {
         self.integrator.word()
     }
 
-    /// Returns the readable name, with the options that select the method.
+    /// Returns the readable name of the method, with the options that select it.
     pub fn name(&self) -> &'static str {
         name(self.integrator, self.photons.as_ref())
     }

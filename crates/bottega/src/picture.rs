@@ -72,7 +72,7 @@ impl Picture {
     /// Writes the picture to a file, .exr or .png, with the output settings of its request.
     ///
     /// # Errors
-    /// The extension is another one, or the file cannot be written.
+    /// The extension is neither of these, or the file cannot be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), Error> {
         let hints = RenderHints { alpha: self.alpha, ..RenderHints::default() };
         write(&self.request, Some(&hints), path.as_ref(), &self.report.film, &self.metadata)
@@ -88,11 +88,14 @@ impl Picture {
     }
 
     /// Writes the picture to the output of its request, if any.
+    ///
+    /// # Errors
+    /// Those of [`Self::save`].
     pub(crate) fn write(&self) -> Result<(), Error> {
         self.request.output.file.as_deref().map_or(Ok(()), |file| self.save(file))
     }
 
-    /// Reports the end of the job, and removes the journal if the picture is complete.
+    /// Reports the end of the job, and removes the journal if the picture is complete. Returns the picture.
     ///
     /// # Errors
     /// Zones could not be painted.
@@ -144,7 +147,7 @@ impl Picture {
     }
 }
 
-/// Returns a warning about the brightness of a picture if its file is a PNG; `None`: it is fine.
+/// Returns a warning about the brightness of a picture; `None`: it is fine, or the file is not a PNG.
 pub(crate) fn wrong_brightness(request: &Request, file: &Path, film: &Film) -> Option<String> {
     let is_for_screens = matches!(OutputFormat::of(file), Ok(OutputFormat::Png));
     if is_for_screens { brightness_warning(film, request.output.exposure) } else { None }

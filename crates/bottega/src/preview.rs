@@ -48,6 +48,9 @@ struct PreviewState {
 }
 
 /// Checks that a preview file is a .png and can be written.
+///
+/// # Errors
+/// The extension is another one, or the file cannot be written.
 pub(crate) fn check_preview(path: &Path) -> Result<(), Error> {
     if check_writable(path)? == OutputFormat::Png {
         return Ok(());

@@ -15,7 +15,7 @@ impl RulesText {
     /// Reads a rule file. If there is no such file, the name of built-in rules stands for those.
     ///
     /// # Errors
-    /// The file cannot be read.
+    /// The file cannot be read, and there are no built-in rules of that name.
     pub fn read(path: &Path) -> Result<Self, Error> {
         let technique = Technique::ALL.into_iter().find(|technique| Path::new(technique.rules_name()) == path);
         let choice = (Path::new(EngineChoice::RULES_NAME) == path).then_some(EngineChoice::RULES);
@@ -40,7 +40,7 @@ impl RulesText {
         }
     }
 
-    /// Returns the rules that choose the engine of a zone: those of `source`, else the built-in ones.
+    /// Returns the rules that choose the engine of a zone: those of `source`, or the built-in ones without it.
     ///
     /// # Errors
     /// The rules cannot be read.

@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 
 use crate::{error::Error, request::RulesText};
 
-/// An FCL text, parsed.
+/// The parsed text of rules in FCL, the Fuzzy Control Language.
 pub struct Source {
     /// The file, or the name of built-in rules, as given by the user.
     pub path: PathBuf,
@@ -34,7 +34,9 @@ impl Source {
         }
     }
 
-    /// Returns the function block with this name (letter case ignored); `None`: the only block.
+    /// Returns a function block of the text.
+    ///
+    /// - `name`: name of the block, letter case ignored; `None`: the only block.
     ///
     /// # Errors
     /// There is no such block; with `None`, also if there are several.

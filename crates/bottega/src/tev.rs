@@ -45,7 +45,11 @@ impl TevMirror {
     /// Connects to tev and creates an image there.
     ///
     /// - `host`: `HOST` or `HOST:PORT`.
+    /// - `name`: name of the image in tev.
     /// - `frame`: width and height of the whole picture.
+    ///
+    /// # Errors
+    /// tev does not answer, or the operating system refuses a thread.
     pub(crate) fn open(host: &str, name: &str, frame: (u32, u32), layout: &Layout) -> Result<Self, Error> {
         let begin = || -> io::Result<Self> {
             let channels = Film::new(Rect::of_size(1, 1), layout.clone()).channels();

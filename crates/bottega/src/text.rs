@@ -2,7 +2,7 @@
 
 use std::{path::Path, time::Duration};
 
-/// Returns the readable text of a path.
+/// Returns a path as readable text; parts that are not Unicode are replaced.
 pub fn shown(path: &Path) -> String {
     path.display().to_string()
 }

@@ -177,13 +177,14 @@ impl Viewport {
         Ok(self.shared.look(ViewportWish::Scene(Box::new(request), Box::new(scene.into()))))
     }
 
-    /// Waits until there is a frame newer than the frame `after`, the view has failed or the viewport is stopped. Returns false
-    /// after `timeout`.
+    /// Waits until there is a frame newer than the frame `after`, the view has failed or the viewport is closed. Returns true
+    /// then, and false if `timeout` has passed before.
     pub fn wait(&self, after: u64, timeout: Duration) -> bool {
         self.shared.wait(after, timeout)
     }
 
-    /// Copies the current linear frame: R G B A, the lowest row first. `None`: there is none yet, or it has another size.
+    /// Copies the current linear frame: R G B A, the lowest row first. Returns its state; `None`: there is none yet, or it has
+    /// another size.
     ///
     /// - `size`: columns and rows of `values`, which has four numbers per pixel.
     ///
@@ -193,8 +194,8 @@ impl Viewport {
         self.shared.copy_linear(size, values)
     }
 
-    /// Tells a follower of all looks from the current one on, so that other processes can render samples of them. Only the first
-    /// call has an effect.
+    /// Registers a follower, which is informed of all looks from the current one on, so that other processes can render samples
+    /// of them. Only the first call has an effect.
     pub fn follow(&self, follower: Box<dyn ViewportFollower>) {
         self.shared.follow(follower);
     }
@@ -216,15 +217,17 @@ impl Viewport {
         self.shared.watch(watcher);
     }
 
-    /// Returns the time until [`Self::frame`] gives a frame newer than `after`; zero: now. `None`: there is none yet.
+    /// Returns the time until [`Self::frame`] gives a frame newer than `after`; zero: it gives one now, or the error of a failed
+    /// view. `None`: there is no newer frame yet.
     pub fn due(&self, after: u64) -> Option<Duration> {
         self.shared.due(after)
     }
 
-    /// Returns the current frame if it is newer than the frame `after` and due; the first frame of each look is due at once.
+    /// Returns the current frame if it is newer than the frame `after` and due, else `None`; the first frame of each look is due
+    /// at once.
     ///
     /// # Errors
-    /// The requested view failed.
+    /// The requested view failed, or the frame cannot be encoded.
     pub fn frame(&self, after: u64) -> Result<Option<ViewportFrame>, Error> {
         self.shared.frame(after)
     }

@@ -133,9 +133,9 @@ fn described(found: &LuddField, criteria: &[Criterion], white: f32) -> Value {
     })
 }
 
-/// Returns the figures of all sets as text for people: mean, quantiles, and the histogram as one line of blocks.
+/// Returns the figures of all sets as readable text: mean, quantiles, and the histogram as one line of blocks.
 ///
-/// - `report`: what [`all`] returned.
+/// - `report`: the result of [`all`].
 pub(super) fn table(report: &Value) -> String {
     let white = report["white"].as_f64().unwrap_or_default();
     let mut text = format!(

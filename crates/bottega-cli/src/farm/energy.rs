@@ -37,7 +37,7 @@ impl TariffArgs {
     }
 }
 
-/// Returns lines about a job's energy; empty if nothing is known.
+/// Returns lines of text about a job's energy; empty if nothing is known.
 pub(super) fn lines(energy: &JobEnergy) -> Vec<String> {
     if energy.processor_seconds <= 0.0 {
         return Vec::new();

@@ -12,7 +12,7 @@ const HEAD: &str = "<!-- Made by `cargo xtask manual`; do not edit. -->
 variable of the environment, and may stand in the [configuration file](configuration.md).
 ";
 
-/// Returns the page: a section per command, a table per group of options.
+/// Returns the page on commands: a section per command, a table per group of options.
 pub(super) fn reference(program: Command) -> String {
     let mut program = program.disable_help_subcommand(true);
     program.build();

@@ -12,7 +12,7 @@ const HEAD: &str = "<!-- Made by `cargo xtask manual`; do not edit. -->
 each field. `null` and a field that is left out mean the same.
 ";
 
-/// Returns the page: a section for the request and for each kind of object in it.
+/// Returns the page on requests: a section for the request and for each kind of object in it.
 pub(super) fn reference(schema: &Value) -> String {
     let mut page = HEAD.to_owned();
     // Writing to a `String` cannot fail.

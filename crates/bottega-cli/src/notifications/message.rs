@@ -64,7 +64,7 @@ impl Notification {
         serde_json::to_string(self).unwrap_or_default()
     }
 
-    /// Returns a title for people, one line.
+    /// Returns a readable title, one line.
     pub(super) fn title(&self) -> String {
         let name = match (self.facts.job, self.facts.last_job) {
             (Some(job), Some(last)) if last != job => format!("jobs {job} to {last}"),
@@ -74,7 +74,7 @@ impl Notification {
         format!("{name}: {}", self.event)
     }
 
-    /// Returns the text below the title, for people.
+    /// Returns the readable text below the title.
     pub(super) fn text(&self) -> String {
         self.facts.reason.clone().unwrap_or_else(|| format!("{} → {}", self.facts.scene, self.facts.output))
     }

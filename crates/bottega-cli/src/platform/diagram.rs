@@ -33,7 +33,7 @@ fn cut(text: &str, most: usize) -> String {
     if text.chars().count() <= most { text.to_owned() } else { text.chars().take(most - 1).chain(['…']).collect() }
 }
 
-/// Draws all messages: agents in order of their first message, one colour per conversation.
+/// Returns an SVG drawing of all messages: agents in order of their first message, one color per conversation.
 pub(super) fn svg(messages: &[PassedMessage]) -> String {
     let mut agents: Vec<&str> = Vec::new();
     let mut conversations: Vec<&str> = Vec::new();

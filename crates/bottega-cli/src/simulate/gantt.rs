@@ -19,7 +19,7 @@ const BOTTOM: f64 = 40.0;
 /// The minimum width of a span that shows its number.
 const NUMBER_WIDTH: f64 = 8.0;
 
-/// Draws a run.
+/// Returns an SVG drawing of a simulated run: the zones of each agent over time.
 pub(crate) fn svg(outcome: &SimulationOutcome) -> String {
     let many = outcome.agents.len() > ROWS_MAX;
     let height = if many {

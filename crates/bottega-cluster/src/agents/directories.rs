@@ -62,7 +62,9 @@ pub enum AgentOrder {
 }
 
 impl JobBoard {
-    /// Returns the registered agents of a job.
+    /// Returns the registered agents of a job, with their services; none if the job has none.
+    ///
+    /// - `number`: the number of the job.
     pub fn job_agents(&self, number: u32) -> Vec<JobAgent> {
         let mut white: BTreeMap<String, AmsAgentDescription> = BTreeMap::new();
         let mut yellow: Vec<(String, DfAgentDescription)> = Vec::new();
@@ -94,8 +96,10 @@ impl JobBoard {
 
     /// Sends a command to an agent through the AMS of the farm's platform. The process of the agent carries it out.
     ///
+    /// - `agent`: the name of the agent.
+    ///
     /// # Errors
-    /// There is no such agent, its state does not allow the command, or the farm does not answer.
+    /// There is no such agent, its state does not allow the command, this machine is a guest, or the farm does not answer.
     pub fn steer_agent(&self, agent: &str, order: AgentOrder) -> Result<(), Error> {
         self.refuse_guests()?;
         let name = AgentId::new(agent);

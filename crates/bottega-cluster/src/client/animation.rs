@@ -54,9 +54,10 @@ struct WantedFrame {
 ///
 /// - `farm`: the address; none: the farm that runs on this machine.
 /// - `resume`: submits only the frames whose output is missing or incomplete.
+/// - `stop`: ends the work of this machine and the wait for the frames.
 ///
 /// # Errors
-/// There is no such farm, or a frame cannot be rendered or written.
+/// There is no such farm, the denoiser is not installed, or a frame cannot be rendered or written.
 pub fn render_frames(
     farm: Option<&FarmAddress>,
     credentials: &Credentials,
@@ -74,10 +75,10 @@ pub fn render_frames(
     paint_with_others(request, wanted, board, name, stop, &reporter)
 }
 
-/// Submits an animation to a farm, without waiting for it.
+/// Submits an animation to a farm, without waiting for it; parameters as for [`render_frames`].
 ///
 /// # Errors
-/// As for [`render_frames`].
+/// There is no such farm, or a frame cannot be rendered.
 pub fn submit_frames(
     farm: Option<&FarmAddress>,
     credentials: &Credentials,

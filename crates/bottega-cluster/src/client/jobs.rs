@@ -38,10 +38,11 @@ pub fn wait_until_known(board: &JobBoard, number: u32) {
 
 /// Pauses, resumes or cancels a job, and logs who did it.
 ///
+/// - `to`: the new state.
 /// - `by`: the name of the user, for the log.
 ///
 /// # Errors
-/// The job is over, or the farm does not answer.
+/// There is no such job, it is over, this machine is a guest, or the farm does not answer.
 pub fn steer(board: &JobBoard, number: u32, to: &JobState, by: &str) -> Result<(), Error> {
     let done = match to {
         JobState::Active => "resumed",
@@ -66,12 +67,13 @@ pub fn steer(board: &JobBoard, number: u32, to: &JobState, by: &str) -> Result<(
     Ok(())
 }
 
-/// Sets the priority of a job.
+/// Sets the priority of a job, and logs who did it.
 ///
+/// - `priority`: the job's weight when jobs share the machines, 1 to 1000.
 /// - `by`: the name of the user, for the log.
 ///
 /// # Errors
-/// The farm does not answer.
+/// There is no such job, this machine is a guest, or the farm does not answer.
 pub fn set_priority(board: &JobBoard, number: u32, priority: u32, by: &str) -> Result<(), Error> {
     let change = board.change(number, |job| {
         job.say(format!("priority {priority}, says {by}"));
@@ -86,7 +88,7 @@ pub fn set_priority(board: &JobBoard, number: u32, priority: u32, by: &str) -> R
 /// - `output`: the file to write; none: the output of the request.
 ///
 /// # Errors
-/// The farm does not store its picture, or the file cannot be written.
+/// There is no such job, the farm does not store its picture or does not answer, or the file cannot be written.
 pub fn fetch(board: &JobBoard, number: u32, output: Option<PathBuf>) -> Result<PathBuf, Error> {
     let job = known(board, number)?;
     let picture = if job.kept { board.picture(&job)? } else { None };
@@ -98,7 +100,9 @@ pub fn fetch(board: &JobBoard, number: u32, output: Option<PathBuf>) -> Result<P
     Ok(output)
 }
 
-/// Returns what a user can do when the farm does not store a job's picture.
+/// Returns advice for the user when the farm does not store a job's picture.
+///
+/// - `number`: the number of the job.
 pub fn no_picture(number: u32, job: &Job) -> String {
     match &job.state {
         _ if job.kept => "somebody has removed it: submit it again".to_owned(),
@@ -122,7 +126,7 @@ fn forget_journal(board: &JobBoard, job: &Job, output: &Path) {
 /// Deletes a job that is over, its picture, and its scene if no other job needs it.
 ///
 /// # Errors
-/// The job is not over, or the farm does not answer.
+/// There is no such job, it is not over, this machine is a guest, or the farm does not answer.
 pub fn remove(board: &JobBoard, number: u32) -> Result<(), Error> {
     let job = known(board, number)?;
     if !job.state.is_over() {

@@ -62,7 +62,7 @@ pub struct ViewportMachine {
     pub refused: Option<String>,
 }
 
-/// Lets the free machines of a farm render samples of a viewport, until it is dropped.
+/// A viewport whose samples free machines of a farm also render, until it is dropped.
 pub struct SharedViewport {
     share: Arc<ViewportShare>,
     _frames: LiveSubscription,
@@ -116,10 +116,10 @@ struct Helper {
     recent: Vec<(Instant, u64, u64)>,
 }
 
-/// Lets the free machines of a farm render samples of a viewport.
+/// Lets the free machines of a farm render samples of a viewport, until the returned value is dropped.
 ///
 /// # Errors
-/// The link has no right to it, or a thread cannot be started.
+/// This machine is a guest, or a thread cannot be started.
 pub fn share_viewport(viewport: &Arc<Viewport>, board: &JobBoard) -> Result<SharedViewport, Error> {
     board.refuse_guests()?;
     let (number, state) = (fresh_number(), Mutex::default());
@@ -151,7 +151,7 @@ impl SharedViewport {
         state.helpers.iter().map(|(name, helper)| helper.view(name, now)).collect()
     }
 
-    /// Returns why the machines do not help, if the scene cannot be sent to them.
+    /// Returns the reason why the scene cannot be sent, so that no machine helps; `None`: there is no such reason.
     pub fn problem(&self) -> Option<String> {
         self.share.state().problem.clone()
     }

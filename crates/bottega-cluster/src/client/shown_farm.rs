@@ -43,7 +43,7 @@ impl JobBoard {
         ))
     }
 
-    /// Keeps those machines that users may see here.
+    /// Returns those of the machines that users may see here.
     pub fn shown_machines(&self, mut machines: Vec<Presence>) -> Vec<Presence> {
         if self.uplink.is_guest() {
             let own = self.own_members();

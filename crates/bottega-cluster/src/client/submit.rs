@@ -329,7 +329,9 @@ pub(crate) fn unfetched(number: u32, error: &Error) -> Error {
     Error::failed(error.error_chain(), remedy)
 }
 
-/// Writes the picture file of another process, completely or not at all.
+/// Writes the picture file of another process, completely or not at all. Creates its folder.
+///
+/// - `bytes`: the contents of the file.
 ///
 /// # Errors
 /// The folder or the file cannot be written.

@@ -41,11 +41,11 @@ use crate::{
 
 /// The size of a piece in bytes; the last piece of a file may be smaller.
 pub const PIECE_BYTES: usize = CHUNK_BYTES;
-/// The largest file, in bytes.
+/// The largest file that can be uploaded, in bytes.
 pub const FILE_BYTES_MAX: u64 = 4 << 30;
-/// The most frames of an animation.
+/// The most frames of an animation that is submitted with uploaded files.
 pub const FRAMES_MAX: usize = 1000;
-/// The most files of a job.
+/// The most files of a job that is submitted with uploaded files.
 pub const FILES_MAX: usize = 4096;
 /// The longest file name, in bytes.
 const NAME_MAX: usize = 512;
@@ -95,7 +95,7 @@ impl JobBoard {
     /// Registers a file to upload. Returns which of its pieces the farm lacks.
     ///
     /// # Errors
-    /// The offer is inconsistent or too large, or the disk lacks space.
+    /// The offer is inconsistent or too large, the farm has no room for it or does not answer, or this machine is a guest.
     pub fn offer_upload(&self, offer: &UploadOffer) -> Result<UploadState, Error> {
         self.refuse_guests()?;
         check_offer(offer)?;
@@ -129,8 +129,10 @@ impl JobBoard {
 
     /// Stores a piece of a file, if it matches its digest.
     ///
+    /// - `digest`: the BLAKE3 hash of the piece, 64 hexadecimal digits.
+    ///
     /// # Errors
-    /// The piece does not match, or the farm cannot store it.
+    /// The piece is too large or does not match, the farm cannot store it, or this machine is a guest.
     pub fn put_piece(&self, digest: &str, bytes: &[u8]) -> Result<(), Error> {
         self.refuse_guests()?;
         if !is_hash(digest) || bytes.len() > CHUNK_BYTES || hash_of(bytes) != digest {
@@ -146,15 +148,15 @@ impl JobBoard {
         Ok(())
     }
 
-    /// Submits a picture, or the frames of an animation, with files that the farm has. Returns the job numbers, one per
-    /// picture.
+    /// Submits a picture, or the frames of an animation, with files that the farm has. Returns the job numbers, one per picture.
     ///
     /// - `from`: the name of the submitting machine, for display.
     /// - `by`: the name of the user, for the job's log.
     /// - `cache`: where the scene is assembled, to check that it can be rendered.
     ///
     /// # Errors
-    /// The request or a name is invalid, a file was not uploaded, or the scene cannot be rendered.
+    /// The request or a name is invalid, a file was not uploaded, the scene cannot be rendered, this machine is a guest, or the
+    /// farm does not answer.
     pub fn submit_uploaded(
         &self,
         submission: Submission,

@@ -13,7 +13,8 @@ use crate::error::Error;
 /// Default size of a machine's cache, in bytes.
 pub(crate) const CACHE_BYTES: u64 = 20 << 30;
 
-/// A folder with `files` and `chunks`, both named by content hash, and `scenes`, folders of links to files.
+/// The cache of scene files of this machine: a folder with `files` and `chunks`, both named by content hash, and `scenes`,
+/// folders of links to files.
 #[derive(Clone, Debug)]
 pub struct Cache {
     root: PathBuf,
@@ -33,7 +34,7 @@ impl Cache {
         Self { root, bytes_max }
     }
 
-    /// Returns the default cache of this user.
+    /// Returns the default cache of this user, of at most 20 GiB.
     pub fn of_user() -> Self {
         Self::new(state_folder().join("cache"), CACHE_BYTES)
     }

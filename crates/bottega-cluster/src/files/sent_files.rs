@@ -29,7 +29,7 @@ pub(crate) struct SentFile {
     contents: Contents,
 }
 
-/// All files of a scene.
+/// The files of a scene as a job names them: their names and digests.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct SentFiles {
     /// The files, the scene file first.
@@ -71,7 +71,8 @@ impl SentFiles {
         Self { files: files.into_iter().map(sent).collect(), environment: environment.map(sent) }
     }
 
-    /// Fetches the files into `cache`. Returns the paths of the scene file and of the environment map.
+    /// Fetches the files into `cache`. Returns the paths of the scene file and of the environment map; `None`: the environment
+    /// map is a file of the scene, or there is none.
     ///
     /// # Errors
     /// The list of files is invalid, a file is not on the farm or has another digest, or the cache cannot be written.

@@ -22,7 +22,7 @@ const ROWS_BYTES_MAX: usize = 1 << 28;
 /// The time after which a server that sends nothing counts as unavailable.
 const SILENT: Duration = Duration::from_secs(10);
 
-/// A change of a row, for observers of a Blackboard.
+/// An update for observers of a Blackboard: a changed row, or the state of the observation.
 #[derive(Clone, Debug, PartialEq)]
 pub enum RowUpdate {
     /// The current state of a row: an [`Event::Zone`] or an [`Event::Agent`].
@@ -34,8 +34,8 @@ pub enum RowUpdate {
 }
 
 impl JobBoard {
-    /// Reports all rows of a job, and then each change, until `tell` returns `false`. For a job that is over, reports the
-    /// stored rows.
+    /// Reports all rows of a job, and then each change, until `tell` returns `false`. For a job that is over, reports the stored
+    /// rows and returns.
     ///
     /// # Errors
     /// The farm does not answer.
@@ -56,7 +56,7 @@ impl JobBoard {
         Ok(())
     }
 
-    /// Returns all rows of a job.
+    /// Returns all rows of a job's Blackboard: an [`Event::Zone`] or an [`Event::Agent`] each.
     ///
     /// # Errors
     /// The farm does not answer.

@@ -97,6 +97,8 @@ pub struct JobBoard {
 impl JobBoard {
     /// Stores a job. Returns its number.
     ///
+    /// - `order`: the specification of the job.
+    ///
     /// # Errors
     /// The farm does not store the job, or too many other processes submit jobs at the same time.
     pub fn submit(&self, job: &Job, order: &JobSpec) -> Result<u32, Error> {
@@ -133,7 +135,7 @@ impl JobBoard {
         job_link(Arc::clone(&self.uplink), WorkId(work), None, String::new()).forget();
     }
 
-    /// Returns all jobs, by number.
+    /// Returns all jobs, in the order of their numbers.
     pub fn all(&self) -> Vec<(u32, Job)> {
         let notices = self.uplink.notices().all("job/");
         let read = notices.iter().filter_map(|notice| Some((number_of(&notice.name)?, read(notice)?)));
@@ -223,7 +225,7 @@ impl JobBoard {
         }
     }
 
-    /// Returns the importance map of a job's picture as a PNG file, if its leader has stored it.
+    /// Returns the importance map of a job's picture as a PNG file; `None`: its leader has not stored it.
     ///
     /// # Errors
     /// The farm does not answer.
@@ -251,7 +253,8 @@ impl JobBoard {
         self.uplink.blobs().put(&picture_blob(job.origin), bytes).map_err(Error::Blob)
     }
 
-    /// Returns the picture of a job, if the farm has it; while the job is rendered again, that of the previous painting.
+    /// Returns the picture of a job, as the bytes of its file; while the job is rendered again, that of the previous painting.
+    /// `None`: the farm does not have it.
     ///
     /// # Errors
     /// The farm does not answer, or the picture is too large.
@@ -278,7 +281,7 @@ impl JobBoard {
     /// - `me`: the name of this process.
     ///
     /// # Errors
-    /// Whether the farm stored the claim is unknown.
+    /// The farm does not answer; whether it stored the claim is then unknown.
     pub fn claim(&self, number: u32, work: u64, me: &str) -> Result<Option<Lease>, Error> {
         if self.uplink.is_guest() {
             return Ok(None);
@@ -296,7 +299,7 @@ impl JobBoard {
         Ok(taken.map(|revision| Lease { number, revision }))
     }
 
-    /// Renews a lease. `false`: another process has it now. While `lead` has no zones yet, the progress that the previous
+    /// Renews a lease. Returns false if another process has it now. While `lead` has no zones yet, the progress that the previous
     /// leader reported stays.
     ///
     /// # Errors
@@ -340,14 +343,16 @@ impl JobBoard {
         own.map(|(presence, notice)| (presence, notice.revision)).collect()
     }
 
-    /// Announces that a machine is present.
+    /// Announces that a machine is present. A failure is only logged.
     pub fn attend(&self, presence: &Presence) {
         if let Err(error) = self.uplink.notices().put(&presence_name(&presence.name), &text(presence)) {
             tracing::debug!(%error, "the farm does not answer");
         }
     }
 
-    /// Removes the presence of a machine and the commands to it.
+    /// Removes the presence of a machine and the commands to it. A failure is only logged.
+    ///
+    /// - `name`: the name of its process.
     pub fn leave(&self, name: &str) {
         let order = order_name(name);
         let has_order = !self.uplink.is_guest() && self.uplink.notices().get(&order).is_some();
@@ -369,7 +374,7 @@ impl JobBoard {
     }
 }
 
-/// Returns the error of a job that failed or was cancelled.
+/// Returns the error of a job that failed or was cancelled; `None`: its state is another one.
 pub(crate) fn ended_badly(number: u32, state: &JobState) -> Option<Error> {
     let remedy = format!("see `bottega jobs log {number}`");
     match state {

@@ -99,6 +99,7 @@ impl JobEnergy {
     ///
     /// - `usages`: the usage that each process reports, by its name.
     /// - `rows`: the Blackboard rows of the job.
+    /// - `tariff`: the energy settings of the farm.
     pub fn of(usages: &BTreeMap<String, JobUsage>, rows: &[Event], tariff: &Tariff) -> Self {
         let price = tariff.price.as_ref();
         let cost = |kwh: f64| price.map(|price| kwh * price.per_kwh);
@@ -164,12 +165,12 @@ fn zones(machines: &[MachineEnergy], rows: &[Event], cost: &impl Fn(f64) -> Opti
 }
 
 impl JobBoard {
-    /// Returns the energy settings of the farm.
+    /// Returns the energy settings of the farm; empty ones if none are set.
     pub fn tariff(&self) -> Tariff {
         self.read_notice(TARIFF).unwrap_or_default()
     }
 
-    /// Sets the energy price, and the power of machines that do not measure their own.
+    /// Sets the price of energy, and the power of machines that neither measure nor declare their own.
     ///
     /// # Errors
     /// The farm does not answer.
@@ -177,7 +178,7 @@ impl JobBoard {
         self.put_notice(TARIFF, tariff)
     }
 
-    /// Computes the energy use of a job.
+    /// Computes the energy use of a job so far.
     ///
     /// # Errors
     /// The farm does not answer.

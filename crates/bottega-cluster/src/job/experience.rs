@@ -17,7 +17,7 @@ use crate::{error::Error, job::board::JobBoard};
 const EXPERIENCE: &str = "experience/";
 /// The notice with the experience of all machines together.
 const OF_FARM: &str = "experience-of-farm";
-/// The name that requests the experience of all machines together.
+/// The name, in place of a machine's, of the experience of all machines together.
 pub const ALL_MACHINES: &str = "all-machines";
 
 impl JobBoard {
@@ -98,7 +98,7 @@ fn name_of(machine: &str) -> String {
     if machine == ALL_MACHINES { OF_FARM.to_owned() } else { format!("{EXPERIENCE}{machine}") }
 }
 
-/// Returns what a job has taught, as a line of its log; `None`: nothing.
+/// Returns the lessons of a job as a line of its log; `None`: there are none.
 pub(crate) fn taught(report: &JobReport) -> Option<String> {
     let zones = |(machine, lesson): (&String, &JobLesson)| format!("{machine} {}", lesson.zones.len());
     let machines: Vec<String> = report.lessons.iter().map(zones).collect();

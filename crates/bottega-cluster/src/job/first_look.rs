@@ -77,7 +77,10 @@ impl FirstLook {
 }
 
 impl JobBoard {
-    /// Returns the first look of a job, if its leader has stored one.
+    /// Returns the first look of a job; `None`: its leader has not stored one.
+    ///
+    /// # Errors
+    /// The farm does not answer.
     pub(crate) fn first_look(&self, job: &Job) -> Result<Option<FirstLook>, Error> {
         let bytes = self.uplink.blobs().get(&blob(job.work), BYTES_MAX).map_err(Error::Blob)?;
         Ok(bytes.and_then(|bytes| FirstLook::from_bytes(&bytes)))

@@ -25,7 +25,8 @@ pub struct JobFilm {
 }
 
 impl JobFilm {
-    /// Fetches the pixels that are new since the last call. Returns the film; `None`: no zone is finished.
+    /// Fetches the pixels of the zones finished since the last call. Returns the film of all of them; `None`: no zone is
+    /// finished.
     ///
     /// # Errors
     /// The farm does not answer.

@@ -31,10 +31,10 @@ pub struct JobPreview {
 }
 
 impl JobPreview {
-    /// Returns an empty preview.
+    /// Returns an empty preview with the exposure and tone mapping of a job.
     ///
     /// # Errors
-    /// The farm does not have the job's specification.
+    /// The farm does not answer, or does not have the job's specification.
     pub fn new(board: &JobBoard, job: &Job) -> Result<Self, Error> {
         let output = board.spec(job)?.request.output;
         let (exposure, tone) = (output.exposure, tone(output.tonemap));

@@ -31,7 +31,8 @@ pub struct MachineOrder {
     pub by: String,
 }
 
-/// Distinguishes live presences from stale ones of crashed machines: a presence counts once it was renewed.
+/// The presences that a process has seen: distinguishes live ones from stale ones of crashed machines. A presence counts once it
+/// was renewed.
 #[derive(Debug, Default)]
 pub struct Roster {
     /// The first revision seen of each presence.
@@ -61,12 +62,16 @@ impl Roster {
 }
 
 impl JobBoard {
-    /// Returns the command to a machine; by default, to work.
+    /// Returns the command to a machine; without one, the command to work.
+    ///
+    /// - `machine`: the name of its process.
     pub fn order_to(&self, machine: &str) -> MachineOrder {
         self.read_notice(&order_name(machine)).unwrap_or_default()
     }
 
     /// Gives a machine a command.
+    ///
+    /// - `machine`: the name of its process.
     ///
     /// # Errors
     /// This machine is a guest, or the farm does not store the command.
@@ -75,7 +80,8 @@ impl JobBoard {
         self.put_notice(&order_name(machine), order)
     }
 
-    /// Returns the live machines, for a process that just connected and cannot know how old a presence is.
+    /// Returns the live machines, for a process that just connected and cannot know how old a presence is. Waits up to 1.5 s for
+    /// machines to renew their presences.
     pub fn present(&self) -> Vec<Presence> {
         let mut roster = Roster::default();
         let begun = Instant::now();

@@ -230,6 +230,8 @@ impl JobBoard {
 
     /// Returns a piece of a job's recorded messages; `None`: it does not exist yet.
     ///
+    /// - `piece`: the index of the piece, from 0.
+    ///
     /// # Errors
     /// The farm does not answer.
     pub fn messages(&self, job: &Job, piece: usize) -> Result<Option<SeenMessages>, Error> {

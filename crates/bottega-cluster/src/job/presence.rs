@@ -81,7 +81,11 @@ pub struct Presence {
 }
 
 impl Presence {
-    /// Returns the presence of a machine of this build that works on a job or waits for one.
+    /// Returns the presence of a machine of this build.
+    ///
+    /// - `name`: the name of its process.
+    /// - `threads`: number of its threads.
+    /// - `job`: the job that it works on; `None`: it waits for one.
     pub fn new(name: &str, threads: usize, job: Option<u32>) -> Self {
         Self {
             name: name.to_owned(),

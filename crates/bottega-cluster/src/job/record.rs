@@ -135,7 +135,7 @@ impl Job {
         (self.work, self.stirs, self.state) = (fresh_number(), 0, JobState::Active);
     }
 
-    /// Adds a line to the log.
+    /// Adds a line to the log, with the current time. The log keeps the last 200 lines.
     pub fn say(&mut self, text: impl Into<String>) {
         self.log.push(LogLine { at: unix_seconds(), text: text.into() });
         let old = self.log.len().saturating_sub(LOG_LINES_MAX);

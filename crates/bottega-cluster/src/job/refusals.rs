@@ -37,12 +37,15 @@ impl Refusals {
     }
 }
 
-/// Reports each refusal of a machine once.
+/// The refusals of machines that were reported already, so that each is reported once.
 #[derive(Debug, Default)]
 pub struct RefusalWatch(BTreeSet<(String, u64)>);
 
 impl RefusalWatch {
-    /// Returns the new refusals since the last call, of the paintings that `is_wanted` selects.
+    /// Returns the refusals that were not reported before, each with its machine.
+    ///
+    /// - `machines`: the machines that are present.
+    /// - `is_wanted`: selects paintings by their numbers.
     pub fn new_refusals<'a>(
         &mut self,
         machines: &'a [Presence],

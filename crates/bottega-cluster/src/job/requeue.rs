@@ -46,13 +46,14 @@ impl SettledZones {
 }
 
 impl JobBoard {
-    /// Requests that a finished or failed zone is painted again. If the job is over, its zones are no longer stored: the
-    /// whole picture is rendered again, and the stored picture stays until that is done.
+    /// Requests that a finished or failed zone is painted again. If the job is over, its zones are no longer stored: the whole
+    /// picture is rendered again, and the stored picture stays until that is done.
     ///
     /// - `by`: the name of the user, for the log.
     ///
     /// # Errors
-    /// There is no such zone, it is in progress, or the farm does not store the picture.
+    /// There is no such job or zone, the zone is not finished, the farm does not store the picture or does not answer, or this
+    /// machine is a guest.
     pub fn requeue(&self, number: u32, zone: u32, by: &str) -> Result<(), Error> {
         let job = self.get(number).ok_or_else(|| no_such(number))?;
         if !job.state.is_over() {

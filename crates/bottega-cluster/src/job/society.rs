@@ -119,7 +119,7 @@ impl SeenSociety {
 }
 
 impl JobBoard {
-    /// Returns the agents of a job and the result of its auction, if its leader has published them.
+    /// Returns the agents of a job and the result of its auction; `None`: its leader has not published them.
     pub fn society(&self, number: u32) -> Option<Society> {
         self.read_notice(&society_name(number))
     }
@@ -135,7 +135,8 @@ impl JobBoard {
         Arc::new(self.uplink.notices().all(CREDITS).iter().filter_map(credit).collect())
     }
 
-    /// Returns the reliability of machines in earlier jobs, by name: 1 if their work took as long as predicted.
+    /// Returns the reliability of machines in earlier jobs, by machine: estimated over measured time. 1 if their work took as
+    /// long as predicted, 0.5 if twice as long.
     pub fn reliabilities(&self) -> BTreeMap<String, f64> {
         self.credits().iter().map(|(machine, credit)| (machine.clone(), credit.reliability())).collect()
     }

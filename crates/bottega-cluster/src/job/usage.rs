@@ -13,7 +13,7 @@ pub enum EnergySource {
     Watts,
 }
 
-/// The usage of one process for a job so far.
+/// The processor time and energy that one process has used for a job so far.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct JobUsage {
     /// The unique number of the job, [`Job::origin`](crate::job::record::Job::origin).

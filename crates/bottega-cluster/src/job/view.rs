@@ -69,7 +69,10 @@ impl JobView {
         board.shown_jobs().into_iter().map(view).collect()
     }
 
-    /// Returns the view of a job.
+    /// Makes the view of a job.
+    ///
+    /// - `lead`: the leader and progress of the job.
+    /// - `machines`: number of machines that work on it.
     pub fn of(number: u32, job: &Job, lead: &Lead, machines: usize) -> Self {
         let is_done = job.state == JobState::Done;
         let lead = &lead.clone().of(job.work);
@@ -139,6 +142,8 @@ pub struct FarmView {
 
 impl FarmView {
     /// Returns the current state of the farm.
+    ///
+    /// - `roster`: the same one for all calls; it recognizes machines that are gone.
     pub fn of(board: &JobBoard, roster: &mut Roster) -> Self {
         let machines = roster.look(board.presences_with_revision());
         let jobs = board.all().into_iter().map(|(number, job)| {

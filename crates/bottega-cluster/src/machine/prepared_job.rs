@@ -20,7 +20,7 @@ use crate::{
     machine::member::Member,
 };
 
-/// A prepared job.
+/// A job whose scene is loaded on this machine.
 pub(crate) struct PreparedJob {
     /// The number of the job, the same for all its paintings.
     pub(crate) origin: u64,
@@ -68,7 +68,7 @@ impl PreparedJob {
         Ok(Self { origin: job.origin, session: Session::for_others(&request, part)? })
     }
 
-    /// Returns what rendering needs.
+    /// Returns the values that rendering needs.
     pub(crate) fn setup(&self) -> PaintingSetup {
         self.session.setup()
     }

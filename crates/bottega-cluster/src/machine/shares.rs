@@ -9,8 +9,8 @@ pub(crate) struct JobClaim {
     pub(crate) priority: u32,
 }
 
-/// Returns the job that a free machine should take: the one with the fewest machines for its priority, and the older one of
-/// equals.
+/// Returns the number of the job that a free machine should take: the one with the fewest machines for its priority, and the
+/// older one of equals. `None`: no job needs machines.
 ///
 /// - `machines`: all other machines.
 pub(crate) fn choose(jobs: &[JobClaim], machines: &[Presence]) -> Option<u32> {

@@ -29,7 +29,7 @@ struct Moment {
     all: Option<f64>,
 }
 
-/// Measures the usage of this process, per job.
+/// A meter of the processor time and energy that this process uses, per job.
 #[derive(Clone, Debug)]
 pub struct UsageMeter {
     state: Arc<Mutex<MeterState>>,
@@ -53,22 +53,25 @@ struct CountedJob {
 }
 
 impl UsageMeter {
-    /// Returns a meter.
+    /// Makes a meter without usage.
     ///
-    /// - `watts`: the power of the machine with all processors busy; used if it has no counters.
+    /// - `watts`: the power of the machine in watts, with all processors busy; used if it has no counters. `None`: its energy is
+    ///   then unknown.
     pub fn new(watts: Option<f64>) -> Self {
         let state =
             MeterState { counters: PowerCounters::of_machine(), watts, last: None, jobs: BTreeMap::new(), turn: 0 };
         Self { state: Arc::new(Mutex::new(state)) }
     }
 
-    /// Assigns the usage since the last call to a job, or to none.
+    /// Assigns the usage since the last call to a job.
+    ///
+    /// - `work`: the unique number of the job; `None`: to no job.
     pub fn count(&self, work: Option<u64>) {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         state.count(work, moment());
     }
 
-    /// Returns the usage of the last jobs.
+    /// Returns the usage of the last jobs, at most four of them.
     pub fn usages(&self) -> Vec<JobUsage> {
         let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         state.jobs.iter().map(|(work, job)| state.usage(*work, job)).collect()

@@ -71,7 +71,7 @@ pub struct JoinOptions {
     pub watts: Option<f64>,
 }
 
-/// Works for a farm until the user stops, or a command makes this machine leave.
+/// Works for a farm until the user stops, a command makes this machine leave, or, with `options.once`, one job is over.
 ///
 /// - `say`: shows messages to the user.
 pub fn join(link: FarmLink, options: JoinOptions, stop: &StopSwitch, say: Box<dyn Fn(WorkerMessage<'_>) + Sync>) {
@@ -122,7 +122,7 @@ pub(crate) struct Worker {
 }
 
 impl Worker {
-    /// Returns a worker.
+    /// Makes a worker of this machine.
     ///
     /// - `cache`: the scene cache.
     /// - `own`: the threads and devices to render with.

@@ -121,6 +121,9 @@ pub struct FarmAddress {
 
 impl FarmAddress {
     /// Returns the address of a farm that `bottega up` runs.
+    ///
+    /// - `server`: `host:port` of its server.
+    /// - `word`: the word to join it.
     pub fn of_up(server: String, word: JoinWord) -> Self {
         Self { servers: vec![server], operator: Operator::Up(word), farm: FARM.to_owned() }
     }
@@ -201,7 +204,7 @@ const PAGE: &str = "page ";
 const PLATFORM: &str = "platform ";
 
 impl LocalAddresses {
-    /// Reads the file. `None`: this user runs no `bottega up` on this machine.
+    /// Reads the addresses from the file of this user; `None`: this user runs no `bottega up` on this machine.
     pub fn read() -> Option<Self> {
         fs::read_to_string(address_file()).ok().map(|text| Self::of_text(&text))
     }

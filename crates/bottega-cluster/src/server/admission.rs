@@ -26,7 +26,7 @@ pub(crate) struct Admission {
 }
 
 impl Admission {
-    /// Returns an admission.
+    /// Makes the admission of a farm.
     ///
     /// - `members`: the members that the server's configuration names.
     pub(crate) fn new(members: Members, setup: Setup, system: NatsOptions) -> Self {

@@ -35,10 +35,10 @@ impl DeedLog {
         Self { path, file: Mutex::new(None) }
     }
 
-    /// Logs a request and the status of its response. Failures are only reported.
+    /// Logs a request and the status of its response. A failure is only logged.
     ///
     /// - `token`: the name of the access token.
-    /// - `address`: the client.
+    /// - `address`: that of the client.
     pub fn note(&self, token: &str, address: IpAddr, method: &str, path: &str, status: u16) {
         let at = Timestamp::from_second(unix_seconds() as i64).unwrap_or_default();
         if let Err(error) = self.write(&format!("{at} {token} {address} {method} {path} {status}\n")) {

@@ -20,7 +20,7 @@ use crate::{
     },
 };
 
-/// A running server. It stops when this is dropped.
+/// A private NATS server for the processes of this program. It stops when this is dropped.
 pub struct OwnServer {
     _server: Server,
     /// Access to the server.
@@ -56,7 +56,10 @@ impl OwnServer {
 }
 
 impl Entry {
-    /// Connects as the given member, on a thread that may serve several connections.
+    /// Connects to the server as the given member.
+    ///
+    /// - `thread`: the thread of the connection, which may serve several.
+    /// - `member`: the name of the member.
     ///
     /// # Errors
     /// The secrets cannot be read, or the connection fails.

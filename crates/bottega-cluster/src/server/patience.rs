@@ -24,7 +24,7 @@ pub(crate) fn patiently<T>(
     patiently_until(|| stop.is_requested(), say, attempt)
 }
 
-/// Does the same, until `is_enough` returns `true`.
+/// Retries like [`patiently`], or until `is_enough` returns `true`.
 pub(crate) fn patiently_until<T>(
     is_enough: impl Fn() -> bool,
     say: impl Fn(&str),

@@ -73,7 +73,7 @@ pub fn bind(port: Port, address: SocketAddr) -> Result<TcpListener, Error> {
 /// - `tries`: the number of ports above it to try, before any free port.
 ///
 /// # Errors
-/// The error of [`bind`] for the address itself.
+/// The error of [`bind`] for the address itself, if no port is free.
 pub fn bind_near(port: Port, address: SocketAddr, tries: u16) -> Result<TcpListener, Error> {
     bind(port, address).or_else(|error| {
         let others = (address.port()..).skip(1).take(tries.into()).chain([0]);

@@ -87,7 +87,7 @@ impl Setup {
         Ok(config)
     }
 
-    /// Reads the settings in this folder's configuration file.
+    /// Reads the settings in this folder's configuration file; `None`: there is no readable one.
     pub(crate) fn configured(&self) -> Option<Configured> {
         let text = fs::read_to_string(self.config()).ok()?;
         let listen = text.lines().find_map(|line| line.strip_prefix("listen: ")?.trim_matches('"').parse().ok())?;

@@ -49,7 +49,7 @@ impl Room {
         self.limit.saturating_sub(self.used)
     }
 
-    /// Returns true if so little is free that data should be deleted.
+    /// Returns true if at least 90 % of the limit is used, so that data should be deleted.
     pub fn is_scarce(&self) -> bool {
         self.used as f64 >= ROOM_FROM * self.limit as f64
     }
@@ -254,7 +254,7 @@ impl Pulse {
     }
 }
 
-/// Formats a number of bytes for display.
+/// Formats a number of bytes for display, such as `3.4 MB`.
 pub fn bytes_said(bytes: u64) -> String {
     let bytes = bytes as f64;
     match bytes {

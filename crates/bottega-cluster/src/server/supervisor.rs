@@ -35,7 +35,7 @@ const LOG_BYTES_MAX: u64 = 64 << 10;
 /// The most early deaths in a row.
 const DEATHS_MAX: u32 = 3;
 
-/// A server, and what is needed to restart it.
+/// A server with everything that restarts it.
 pub(crate) struct ServerSupervisor {
     server: Server,
     program: PathBuf,

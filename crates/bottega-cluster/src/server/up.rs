@@ -109,7 +109,7 @@ pub struct Host {
 }
 
 impl LocalFarm {
-    /// Locks the folder of a farm. Starts nothing.
+    /// Locks the folder of a farm. Starts nothing. Returns the right to start the farm, or the farm if another process runs it.
     ///
     /// # Errors
     /// The folder cannot be used, or another process runs it with other options.
@@ -126,7 +126,7 @@ impl FarmStart {
     /// Starts the farm, with a NATS server as a child process. It is not announced before [`Host::announce`].
     ///
     /// # Errors
-    /// There is no `nats-server`, or the folder or address cannot be used.
+    /// There is no `nats-server`, it does not start, or the folder or address cannot be used.
     pub fn begin(self) -> Result<Host, Error> {
         let Self { options: up, folder, alone } = self;
         // Find the program, the members and the storage limit
@@ -157,12 +157,12 @@ impl FarmStart {
 }
 
 impl Host {
-    /// Announces the farm to other processes of this machine, and on the local network.
+    /// Announces the farm to other processes of this machine, and on the local network; a failure of the latter is only logged.
     ///
     /// - `page`, `platform`: the URLs of the web page and the FIPA platform, if this process serves them.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// The file with the addresses cannot be written.
     pub fn announce(&mut self, page: Option<String>, platform: Option<String>) -> Result<(), Error> {
         let text = LocalAddresses { farm: self.here.clone(), page, platform }.to_string();
         write_secret(&address_file(), text.as_bytes())?;
@@ -184,14 +184,14 @@ impl Host {
         self.supervisor.room_said()
     }
 
-    /// Returns the jobs of the farm.
+    /// Returns the job records of the farm.
     pub fn board(&self) -> &JobBoard {
         &self.board
     }
 
     /// Keeps the farm up until the user stops.
     ///
-    /// - `before_end`: called then, while the server is still running.
+    /// - `before_end`: called after that, while the server is still running.
     ///
     /// # Errors
     /// The server fails and cannot be restarted.

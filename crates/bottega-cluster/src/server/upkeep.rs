@@ -57,7 +57,7 @@ impl JobStorage {
 }
 
 impl JobBoard {
-    /// Deletes what is no longer needed: zones of jobs that are over, and after a day their scenes.
+    /// Deletes data that no job needs any more: zones of jobs that are over, and after a day their scenes.
     pub fn sweep(&self) {
         self.sweep_zones();
         // If the specification of a live job cannot be read, its chunks are unknown: keep all.
@@ -122,7 +122,8 @@ impl JobBoard {
         self.remove(number)
     }
 
-    /// Deletes a job and its own data. Large data first: a full server can write nothing, and deleting a notice is a write.
+    /// Deletes a job and its own data, but not its scene. Large data comes first: a full server can write nothing, and deleting a
+    /// notice is a write.
     ///
     /// # Errors
     /// There is no such job, this machine is a guest, or the farm does not answer.
@@ -193,7 +194,7 @@ impl JobBoard {
         now.iter().any(|(name, revision)| before.get(name) != Some(revision))
     }
 
-    /// Returns the scenes that are being sent, with the sending processes.
+    /// Returns the scenes that are being sent, each with the name of the sending process.
     pub fn transfers(&self) -> Vec<(String, Announcement)> {
         let announcements = self.uplink.notices().all("transfer/").into_iter();
         let transfers = announcements.filter_map(|notice| {
@@ -203,7 +204,7 @@ impl JobBoard {
         transfers.collect()
     }
 
-    /// Returns the storage that each job uses, by number.
+    /// Returns the storage that each of these jobs uses at the farm, by number.
     pub fn held(&self, jobs: &[(u32, Job)]) -> BTreeMap<u32, JobStorage> {
         let blobs = self.uplink.blobs().list();
         let sizes: BTreeMap<&str, u64> = blobs.iter().map(|StoredBlob { name, bytes, .. }| (&**name, *bytes)).collect();

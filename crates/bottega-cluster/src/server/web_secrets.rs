@@ -90,7 +90,7 @@ impl WebSecrets {
 
     /// Returns the token of a role.
     ///
-    /// - `generation`: how often it was revoked and replaced.
+    /// - `generation`: number of times that it was revoked and replaced.
     pub fn token(&self, role: TokenRole, generation: u64) -> String {
         let context = match role {
             TokenRole::See => SEE,

@@ -68,7 +68,7 @@ impl JobBoard {
         derived.into_iter().chain(made).collect()
     }
 
-    /// Returns the current derived token of a role.
+    /// Returns the current token of a role that is derived from the secrets.
     pub fn own_token(&self, secrets: &WebSecrets, role: TokenRole) -> String {
         secrets.token(role, self.token_notice(role.word()).map_or(0, |notice| notice.generation))
     }
@@ -94,7 +94,7 @@ impl JobBoard {
     /// - `by`: the name of the user.
     ///
     /// # Errors
-    /// The name is invalid or taken, there are too many tokens, or the farm does not answer.
+    /// The name is invalid or taken, there are too many tokens, this machine is a guest, or the farm does not answer.
     pub fn make_token(&self, name: &str, role: TokenRole, by: &str) -> Result<String, Error> {
         self.refuse_guests()?;
         if !is_tag(name) {
@@ -123,10 +123,11 @@ impl JobBoard {
 
     /// Revokes a token: all servers refuse it from now on. A derived token is replaced at once.
     ///
+    /// - `name`: the name of the token; `see` and `steer` are the derived ones.
     /// - `by`: the name of the user.
     ///
     /// # Errors
-    /// There is no such token, or the farm does not answer.
+    /// There is no such token, this machine is a guest, or the farm does not answer.
     pub fn revoke_token(&self, name: &str, by: &str) -> Result<(), Error> {
         self.refuse_guests()?;
         let before = self.token_notice(name);

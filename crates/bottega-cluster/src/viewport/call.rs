@@ -19,7 +19,7 @@ pub(crate) const HELPER_SAMPLES: u32 = 1 << 14;
 /// The last place of a helper whose sample indices are numbers.
 pub(crate) const PLACES_MAX: u32 = u32::MAX / HELPER_SAMPLES - 1;
 
-/// Returns the channel of what the helpers of a viewport send to its owner.
+/// Returns the channel by which the helpers of a viewport send messages to its owner.
 pub(crate) fn frames_channel(viewport: u64) -> String {
     format!("viewport/{viewport:x}/frames")
 }
@@ -60,7 +60,7 @@ pub(crate) struct CalledLook {
     pub(crate) scene: SentFiles,
 }
 
-/// What a helper says of itself.
+/// The report of a helper on its own state.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct HelperNotice {
     /// The name of its process.

@@ -84,7 +84,7 @@ impl HeardCalls {
         state.calls.get(&viewport).map(|(call, _)| Arc::clone(call))
     }
 
-    /// Returns an open viewport that has something to render and that this machine can help.
+    /// Returns the number of an open viewport that has something to render and that this machine can help; `None`: there is none.
     pub(crate) fn open(&self) -> Option<u64> {
         let mut state = self.state();
         state.calls.retain(|_, (_, heard)| heard.elapsed() < CALL_LASTS);
@@ -96,8 +96,10 @@ impl HeardCalls {
         calls.iter().filter(is_open).min_by_key(helpers).map(|(&number, _)| number)
     }
 
-    /// Returns whether a helper of a viewport should leave it for another one, which has at least two helpers fewer. Of the helpers
-    /// only the one that came last leaves.
+    /// Returns true if a helper of a viewport should leave it for another one, which has at least two helpers fewer. Of the
+    /// helpers only the one that came last leaves.
+    ///
+    /// - `name`: the name of the helper.
     pub(crate) fn is_needed_elsewhere(&self, call: &ViewportCall, name: &str) -> bool {
         let is_last = call.places.get(name).is_some_and(|place| call.places.values().all(|other| other <= place));
         let state = self.state();

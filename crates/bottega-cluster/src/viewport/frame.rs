@@ -15,7 +15,7 @@ const HEAD_BYTES_MAX: usize = 4 << 10;
 /// Largest value that is stored; larger ones are scaled. Half precision ends at 65504.
 const VALUE_MAX: f32 = 32_768.0;
 
-/// What a helper sends to the owner of a viewport.
+/// A message of a helper to the owner of a viewport.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum HelperMessage {
     /// A notice about itself.

@@ -89,9 +89,9 @@ impl ChannelGroup<'_> {
     }
 }
 
-/// Finds the color channels. In order of preference: R, G, B without a layer; in a layer with a usual name of the whole
-/// picture; in any other layer that is not an AOV; X, Y, Z and then Y of those; the same of AOVs; the only channel of
-/// the file. Parts are taken in file order. Names are compared without case.
+/// Finds the color channels; `None`: there are none. In order of preference: R, G, B without a layer; in a layer with a
+/// usual name of the whole picture; in any other layer that is not an AOV; X, Y, Z and then Y of those; the same of
+/// AOVs; the only channel of the file. Parts are taken in file order. Names are compared without case.
 pub(super) fn find_color(headers: &[Header]) -> Option<Color> {
     let names: Vec<Vec<String>> = headers
         .iter()

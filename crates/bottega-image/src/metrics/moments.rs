@@ -41,6 +41,8 @@ impl Moments {
 /// Returns the share of values that differ significantly: a two-sided z-test on each, with the Šidák correction for n
 /// tests, α₁ = 1 − (1 − α)^(1/n). Mitsuba's tests accept a share of 0.0025 at α = 0.01.
 ///
+/// - `significance`: α, in (0, 1).
+///
 /// The standard error is at least 10⁻⁶, so values without noise may differ by rounding. Panics if the lengths differ.
 pub fn rejected_share(a: &[Moments], b: &[Moments], significance: f64) -> f64 {
     assert_eq!(a.len(), b.len(), "pictures of different sizes");
@@ -58,7 +60,7 @@ pub fn rejected_share(a: &[Moments], b: &[Moments], significance: f64) -> f64 {
     a.iter().zip(b).filter(differs).count() as f64 / a.len() as f64
 }
 
-/// Computes [`rejected_share`] of the luminance of two films of equal size.
+/// Computes [`rejected_share`] of the luminance of two films. Panics if their numbers of pixels differ.
 pub fn rejected_share_of_films(a: &Film, b: &Film, significance: f64) -> f64 {
     rejected_share(&Moments::of_film(a), &Moments::of_film(b), significance)
 }

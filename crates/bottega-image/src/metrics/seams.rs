@@ -22,7 +22,7 @@ pub struct Seams {
 }
 
 impl Seams {
-    /// Returns the probability of a [`z`](Self::z) that large without any seam.
+    /// Returns the probability, 0 to 1, of a [`z`](Self::z) at least that large without any seam.
     pub fn p(&self) -> f64 {
         let two_sided = two_sided_p(self.z);
         if self.z > 0.0 { 0.5 * two_sided } else { 1.0 - 0.5 * two_sided }

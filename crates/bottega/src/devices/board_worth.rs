@@ -8,7 +8,7 @@ const BYTES_OF_PROCESSOR: f64 = 200e6;
 /// times as long as blocks without boards, and 0.9 times if boards trace all rays.
 const SHARE_MIN: f64 = 0.75;
 
-/// A board that is connected, with its measured speed.
+/// A board that is connected, with its threads and the measured bandwidth of its cable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConnectedBoard {
     /// Address of the board.

@@ -49,11 +49,14 @@ pub struct DeviceSet {
 impl DeviceSet {
     /// Opens the devices that support this scene and these layers.
     ///
+    /// - `choice`: the devices that the request names.
     /// - `camera`: that of the picture.
+    /// - `layout`: the layers of the picture.
     /// - `photons`: true if the integrator uses photons.
     ///
     /// # Errors
-    /// A device requested by name is missing or does not support the picture, and CPU threads are not allowed in its place.
+    /// A device requested by name is missing, cannot be opened or does not support the picture, and CPU threads are not allowed
+    /// in its place.
     pub fn gather(
         choice: &DeviceChoice,
         &PainterWish { threads, memory, joins }: &PainterWish,
@@ -150,6 +153,8 @@ impl WantedDevices {
 
 /// Returns the number of CPU threads that render together with `gpus` GPUs. On machines with many processors one per GPU stays
 /// free to feed it, which is worth more than its own rendering.
+///
+/// - `processors`: number of CPU threads without GPUs.
 pub fn beside_gpus(processors: usize, gpus: usize) -> usize {
     const MANY: usize = 8;
     if processors < MANY { processors } else { processors.saturating_sub(gpus).max(MANY / 2) }
@@ -166,8 +171,8 @@ fn lacks(camera: &Camera, layout: &Layout, photons: bool) -> Vec<String> {
     camera.into_iter().chain(cost).chain(others).chain(groups).chain(photons).collect()
 }
 
-/// Returns the devices, without the processors, that a choice selects on this machine: names of GPUs, addresses of boards.
-/// Missing ones are left out.
+/// Returns the names of GPUs and the addresses of boards that a choice selects on this machine; the processors are not listed.
+/// Missing GPUs are left out.
 pub fn beside_processors(choice: &DeviceChoice) -> Vec<String> {
     match choice {
         DeviceChoice::Auto if may_have_gpu() => gpu::name_of(None).into_iter().collect(),

@@ -21,7 +21,7 @@ pub(crate) fn read() -> Option<CostBook> {
         .ok()
 }
 
-/// Stores the costs that a run has learned for its devices.
+/// Stores the costs that a run has learned for its devices in this user's file. A failure is only logged.
 pub fn keep(report: &HraReport) {
     let mut book = read().unwrap_or_else(|| CostBook::new(VERSION));
     for resource in &report.resources {

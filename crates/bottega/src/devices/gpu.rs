@@ -41,6 +41,9 @@ impl ChosenGpu {
     /// Opens the GPU as a lane of the allocator, and returns the lane and the scenes in its memory.
     ///
     /// - `memory`: memory limit for scenes on the GPU, in bytes; `None`: nearly all free memory.
+    ///
+    /// # Errors
+    /// The GPU cannot be opened.
     pub(super) fn open(&self, memory: Option<u64>) -> Result<(Lane<RenderWork>, GpuScenes), Error> {
         let gpu = GpuPaths::open(self.adapter.clone(), &path_options(Some(self.name().to_owned()), memory))?;
         let scenes = gpu.scenes();
@@ -72,7 +75,7 @@ pub(super) fn has_hardware() -> bool {
     adapters().iter().any(|adapter| adapter.kind != AdapterKind::Software)
 }
 
-/// Returns the name of the GPU whose name contains `wanted`, or of the best one that is not software.
+/// Returns the name of the GPU whose name contains `wanted`, or of the best one that is not software; `None`: there is none.
 pub(super) fn name_of(wanted: Option<&str>) -> Option<String> {
     let adapter = GpuAdapter::choose(wanted).ok()?;
     let info = adapter.info();
@@ -89,7 +92,7 @@ pub(super) fn unsupported(reasons: &[String]) -> Error {
     GpuError::Unsupported(reasons.to_vec()).into()
 }
 
-/// Opens the GPU whose name contains `name` for a scene, to render blocks of pixels.
+/// Opens the GPU whose name contains `name` for a scene. Returns the lane by which the allocator sends it blocks of pixels.
 ///
 /// # Errors
 /// There is no such GPU, or it does not support the scene.

@@ -127,7 +127,7 @@ fn make_room(kept: &mut Vec<KeptResources>, key: &ResourceKey) {
     }
 }
 
-/// Closes all devices that no picture uses.
+/// Closes all devices of this process that no picture uses.
 pub fn release() {
     let idle: Vec<_> = {
         let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);

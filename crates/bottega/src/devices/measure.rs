@@ -92,7 +92,9 @@ struct MeasuredDevice {
 }
 
 /// Measures one processor and these GPUs in a furnished room of some 75,000 triangles. Stores the results for later pictures.
-/// Failures of a GPU are in its notes.
+/// Returns the costs of the processors, then those of each GPU; failures of a GPU are in its notes.
+///
+/// - `gpus`: names of the GPUs.
 ///
 /// # Errors
 /// The room cannot be prepared.

@@ -52,6 +52,8 @@ pub fn threads(request: &Request) -> usize {
 }
 
 /// Returns a fault of a device as one line of text.
+///
+/// - `report`: the report of the run, which has the name of the device.
 pub fn incident_line(report: &HraReport, incident: &Incident) -> String {
     let named = report.resources.iter().find(|resource| resource.id == incident.resource);
     let name = named.map_or_else(|| incident.resource.to_string(), |resource| resource.descriptor.name.clone());

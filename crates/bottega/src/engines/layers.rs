@@ -9,11 +9,14 @@ use crate::{
     settings::{ALL_LAYERS, GUIDES},
 };
 
-/// Selects the requested layers from those that the engine offers for the scene. By default all of them if the output format
-/// can hold them, plus those that help a requested denoiser.
+/// Selects the requested layers from those that the engine offers for the scene. By default all of them if the output format can
+/// hold them, plus those that help a requested denoiser.
 ///
 /// - `title`: readable name of the engine.
 /// - `is_mixed`: true if the built-in engine takes part; then only layers that both engines make can be selected.
+///
+/// # Errors
+/// The engine does not offer a requested layer.
 pub(super) fn layout(request: &Request, opened: &Opened, title: &str, is_mixed: bool) -> Result<Layout, Error> {
     let is_shared = |layer: &Layer| {
         let announced = opened.layers.iter().find(|announced| announced.name == layer.name);

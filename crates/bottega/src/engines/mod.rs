@@ -46,7 +46,8 @@ impl EngineOptions {
     }
 }
 
-/// Returns the shelf of manifests: those of the program, of the user's configuration folder and of `folders`.
+/// Returns the engine manifests of this machine: those that the program contains, those of the user's configuration folder, and
+/// those of `folders`.
 pub fn shelf(folders: &[PathBuf]) -> Shelf {
     let user_folder = config_folder().join("engines");
     Shelf::open(&std::iter::once(user_folder).chain(folders.iter().cloned()).collect::<Vec<_>>())
@@ -57,7 +58,10 @@ pub fn keep_quarantines() {
     external::keep_quarantines_in(state_folder().join("engines"));
 }
 
-/// Returns the manifest of an engine, by name.
+/// Returns the manifest of an engine.
+///
+/// - `folders`: folders of further manifests.
+/// - `name`: name of the engine.
 ///
 /// # Errors
 /// No manifest has that name, or it is invalid.
@@ -76,10 +80,10 @@ pub fn entry(folders: &[PathBuf], name: &str) -> Result<ShelfEntry, Error> {
     })
 }
 
-/// Finds the installation of an engine on this machine.
+/// Finds the installation of an engine on this machine; parameters as for [`entry`].
 ///
 /// # Errors
-/// No manifest has that name, or the engine is not installed.
+/// Those of [`entry`], or the engine is not installed.
 pub fn located(folders: &[PathBuf], name: &str) -> Result<Arc<LocatedEngine>, Error> {
     let entry = entry(folders, name)?;
     let found = LocatedEngine::find(&entry).map(Arc::new);
@@ -87,6 +91,8 @@ pub fn located(folders: &[PathBuf], name: &str) -> Result<Arc<LocatedEngine>, Er
 }
 
 /// Returns the parameters of an engine: the defaults of its manifest, overridden by the user's options.
+///
+/// - `options`: values by name; a text that is valid JSON stands for that value, any other text for itself.
 ///
 /// # Errors
 /// The engine has no option of that name.
@@ -113,7 +119,7 @@ pub fn parameters(
 /// Returns the absolute path of a scene file: engines run in folders of their own.
 ///
 /// # Errors
-/// The file does not exist.
+/// The file does not exist, or its folder cannot be read.
 pub fn absolute(scene: &Path) -> Result<PathBuf, Error> {
     scene.canonicalize().map_err(|source| Error::Read { path: scene.to_owned(), source })
 }

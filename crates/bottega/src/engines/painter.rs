@@ -67,8 +67,11 @@ pub struct Mix {
 impl ExternalPainter {
     /// Finds the engine, opens the scene with it and makes the settings of the job.
     ///
+    /// - `rules`: the rules of the agents, and those that choose the engine of a zone.
+    /// - `part`: the part of the picture that this process renders.
+    ///
     /// # Errors
-    /// The engine is not installed, does not read the scene, or does not support what the request asks for.
+    /// The engine is not installed, cannot open the scene, or does not support what the request asks for.
     pub fn open(request: &Request, rules: AgentRules, part: &PicturePart<'_>) -> Result<Self, Error> {
         // Find the engine, and check that it reads the scene
         check(request)?;
@@ -146,7 +149,7 @@ impl ExternalPainter {
         }
     }
 
-    /// Returns a function that counts the samples taken so far, over all pixels.
+    /// Returns a function that returns the number of samples taken so far, over all pixels.
     pub fn counter(&self) -> impl Fn() -> u64 + Send + 'static {
         let (other, own) = (Arc::clone(&self.engine), self.mix.as_ref().map(|mix| Arc::clone(&mix.own)));
         move || other.samples_done() + own.as_ref().map_or(0, |own| own.samples_done())

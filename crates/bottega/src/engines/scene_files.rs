@@ -34,10 +34,11 @@ impl SceneFiles {
         Self { files: subject.files.clone(), engine: None, warnings, method: Some(method) }
     }
 
-    /// Asks the external engine of a request for the files that its scene refers to.
+    /// Asks the external engine of a request for the files that its scene refers to. Files that are missing, or that the scene
+    /// may not use, are left out with a warning.
     ///
     /// # Errors
-    /// The engine is not installed, or cannot list the files.
+    /// The scene file does not exist, or the engine is not installed or cannot list the files.
     pub fn gather(request: &Request) -> Result<Self, Error> {
         // Ask the engine for the files of the scene
         let (name, _) = request.engine.other()?;

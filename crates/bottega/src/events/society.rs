@@ -209,7 +209,7 @@ impl RoundEvent {
 }
 
 impl AuctionEvent {
-    /// Sums up all rounds and thefts, given in the order in which they ended.
+    /// Returns the totals of all rounds and thefts, given in the order in which they ended.
     pub fn of(all: &[RoundSummary], thefts: &[Theft]) -> Self {
         let mut tally = AuctionTally::of(all);
         thefts.iter().for_each(|theft| tally.add_theft(theft));

@@ -29,7 +29,7 @@ impl LoadedScene {
     /// Prepares another state of the same scene; the picture is bit-identical to that of a scene prepared from the start. Cameras
     /// are exchanged, other changes keep the acceleration structure, and where things have only moved it is refitted.
     ///
-    /// - `scene`: a sound state of the scene, such as [`bottega_scene::SceneEditor::snapshot`] returns.
+    /// - `scene`: a valid state of the scene, such as [`bottega_scene::SceneEditor::snapshot`] returns.
     ///
     /// # Errors
     /// The scene has no camera or not the requested one, or cannot be prepared.

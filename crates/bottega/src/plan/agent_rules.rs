@@ -68,9 +68,9 @@ impl AgentRules {
         Self { experts: vec![Expert::path_tracing()], choice: None, notes: Vec::new() }
     }
 
-    /// Moves the rule set of a machine to the front.
+    /// Returns the rules with the rule set of this machine in front.
     ///
-    /// - `turn`: index of the rule set, modulo their number.
+    /// - `turn`: index of that rule set, modulo their number.
     pub fn turned(mut self, turn: usize) -> Self {
         let turn = turn % self.experts.len();
         self.experts.rotate_left(turn);

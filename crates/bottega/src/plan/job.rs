@@ -83,7 +83,7 @@ pub(crate) fn shared_settings(
     }
 }
 
-/// Returns the crop of the request.
+/// Returns the crop of the request, in pixels; `None`: the whole picture.
 pub(crate) fn crop(request: &Request) -> Option<Rect> {
     request.film.crop.map(|[x0, y0, x1, y1]| Rect::new(x0, y0, x1, y1))
 }

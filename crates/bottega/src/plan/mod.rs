@@ -60,6 +60,8 @@ pub struct Plan {
 impl Plan {
     /// Makes all choices for a picture.
     ///
+    /// - `part`: the part of the picture that this process renders.
+    ///
     /// # Errors
     /// The crop does not lie within the picture, or a layer or a device cannot be used.
     pub fn of(

@@ -85,10 +85,10 @@ impl DeviceChoice {
 }
 
 impl DeviceChoice {
-    /// Parses a list of names.
+    /// Makes a choice from its names; the opposite of [`Self::names`].
     ///
     /// # Errors
-    /// A name is not allowed.
+    /// A name is empty, `auto` stands beside others, the address of a board is invalid, or boards stand without the processors.
     pub fn of(names: &[String]) -> Result<Self, DeviceNamesError> {
         if names == [AUTO] {
             return Ok(Self::Auto);

@@ -123,7 +123,7 @@ impl Request {
     /// Reads a request from a JSON text, and validates it.
     ///
     /// # Errors
-    /// The text is not JSON, has an unknown field or a value that is not allowed, or its version is newer.
+    /// The text is too long, is not JSON, or has an unknown field or a value that is not allowed; or its version is newer.
     pub fn from_json(text: &[u8]) -> Result<Self, RequestError> {
         if text.len() > REQUEST_BYTES_MAX {
             return Err(RequestError::TooLong);
@@ -154,7 +154,7 @@ impl Request {
     /// Returns the request as a tree of JSON values.
     ///
     /// # Errors
-    /// A value that is not allowed, or a file name that is not Unicode.
+    /// A value is not allowed, or a file name is not Unicode.
     pub fn to_value(&self) -> Result<serde_json::Value, RequestError> {
         self.validate()?;
         serde_json::to_value(self).map_err(|_| RequestError::NotUnicode)

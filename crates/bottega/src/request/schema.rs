@@ -10,7 +10,7 @@ impl Request {
         schemars::schema_for!(Self)
     }
 
-    /// Returns all fields that are not sections, in the order of the schema.
+    /// Returns the fields of a request, those of its sections by their path, in the order of the schema.
     pub fn fields() -> Vec<RequestField> {
         let schema = Self::schema();
         let mut fields = Vec::new();

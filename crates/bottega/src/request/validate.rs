@@ -79,7 +79,7 @@ fn not_both(field: &str, is_said: bool, other: &str, is_other_said: bool) -> Che
     Ok(())
 }
 
-/// The form of a tag, for messages.
+/// The form of a tag as readable text, for messages; see [`is_tag`].
 pub const TAG_FORM: &str = "letters, digits, `-`, `_` and `.`, 32 at most";
 
 /// Returns true if a word has the form of a machine's tag.

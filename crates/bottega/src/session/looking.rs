@@ -20,8 +20,8 @@ use crate::{
 };
 
 impl Session {
-    /// Changes the view: another camera, or another pose. Nothing is read or prepared again; the picture is bit-identical to
-    /// that of a session opened with this view.
+    /// Returns the session with another view: another camera, or another pose. Nothing is read or prepared again; the picture is
+    /// bit-identical to that of a session opened with this view.
     ///
     /// # Errors
     /// The scene has no such camera, or the session uses an external engine, which cannot change the view.
@@ -30,7 +30,10 @@ impl Session {
         self.seen(&request)
     }
 
-    /// Like [`Self::look`], for a request that differs in its view and in the size of the picture.
+    /// Changes the view like [`Self::look`], for a request that differs in its view and in the size of the picture.
+    ///
+    /// # Errors
+    /// Those of [`Self::look`], or the size is not allowed.
     pub(crate) fn seen(self, request: &Request) -> Result<Self, Error> {
         let begun = Instant::now();
         let Self { options, painter, denoiser, .. } = self;
@@ -50,11 +53,12 @@ impl Session {
         Ok(Self { denoiser, journal, ..Self::new(request, options, opened, begun) })
     }
 
-    /// Changes the scene to another state of it, and the view and size to those of a request. Only what has changed is prepared
+    /// Returns the session with another state of the scene, and the view and size of a request. Only changed parts are prepared
     /// again; the picture is bit-identical to that of a new session.
     ///
     /// # Errors
-    /// The scene has no camera or not the requested one, or the session uses an external engine.
+    /// The request or its rules cannot be used, the scene has no camera or not the requested one, or the session uses an external
+    /// engine.
     pub fn edited(self, request: &Request, scene: impl Into<Loaded>) -> Result<Self, Error> {
         let begun = Instant::now();
         let Self { options, painter, denoiser, .. } = self;

@@ -106,19 +106,19 @@ pub struct PaintingSetup {
 }
 
 impl Session {
-    /// Loads the scene of a request, prepares it and chooses engine and devices. All errors of the request are found here,
-    /// before the first sample.
+    /// Loads the scene of a request, prepares it and chooses engine and devices. All errors of the request are found here.
     ///
     /// # Errors
-    /// The request, its scene, its rules or its engine cannot be used.
+    /// The request, its scene, rules or engine cannot be used, its output cannot be written, or the denoiser is not installed.
     pub fn open(request: &Request) -> Result<Self, Error> {
         Self::open_with(request, SessionOptions::default())
     }
 
-    /// Like [`Self::open`], with options.
+    /// Opens a session like [`Self::open`], with options.
     ///
     /// # Errors
-    /// Those of [`Self::open`]; also if `options.resume` is set and there is no journal.
+    /// Those of [`Self::open`]; also if an option cannot be used, or `options.resume` is set and there is no journal of this
+    /// picture.
     pub fn open_with(request: &Request, options: SessionOptions) -> Result<Self, Error> {
         let begun = options.begun.unwrap_or_else(Instant::now);
         let request = &request.by_engine_of_scene();
@@ -132,19 +132,19 @@ impl Session {
         Ok(Self { denoiser, journal, ..Self::new(request, options, opened, begun) })
     }
 
-    /// Opens a session for a scene in memory. The request's `scene.file` serves as its name alone. The session writes no
-    /// journal, so it cannot be resumed.
+    /// Opens a session for a scene in memory. The request's `scene.file` serves as its name alone. The session writes no journal,
+    /// so it cannot be resumed.
     ///
     /// # Errors
-    /// The request, the scene or the rules cannot be used, or the request names an external engine.
+    /// Those of [`Self::open`], or the request names an external engine.
     pub fn of_scene(request: &Request, scene: impl Into<Loaded>) -> Result<Self, Error> {
         Self::of_scene_with(request, scene, SessionOptions::default())
     }
 
-    /// Like [`Self::of_scene`], with options.
+    /// Opens a session like [`Self::of_scene`], with options.
     ///
     /// # Errors
-    /// Those of [`Self::of_scene`]; also if `options.resume` is set.
+    /// Those of [`Self::of_scene`]; also if an option cannot be used, or `options.resume` is set.
     pub fn of_scene_with(request: &Request, scene: impl Into<Loaded>, options: SessionOptions) -> Result<Self, Error> {
         let begun = options.begun.unwrap_or_else(Instant::now);
         Self::check(request, &options)?;
@@ -215,7 +215,7 @@ impl Session {
         Self::examine_scene(request)
     }
 
-    /// Like [`Self::examine`], but does not check the output, which another machine writes.
+    /// Checks a request like [`Self::examine`], but not its output, which another machine writes.
     ///
     /// # Errors
     /// The request, its scene or its rules cannot be used.
@@ -335,7 +335,7 @@ impl Session {
     /// themselves; [`Self::render`] does everything.
     ///
     /// # Errors
-    /// The preview cannot be started, or the time limit has passed already.
+    /// The viewer tev does not answer, or the preview of an interrupted picture cannot be made.
     pub fn begin(mut self, reporter: Arc<Reporter>) -> Result<(ActiveSession, PaintingSetup), Error> {
         // Report warnings and the start
         self.notes.iter().for_each(|note| reporter.warn(note.clone()));
@@ -396,7 +396,7 @@ impl Session {
         (metadata, denoised)
     }
 
-    /// Returns a warning if a PNG of this picture appears nearly black or white on a screen; `None`: the brightness is fine.
+    /// Returns a warning if a picture appears nearly black or white on a screen; `None`: it does not, or `file` is not a PNG.
     pub fn wrong_brightness(&self, file: &Path, film: &Film) -> Option<String> {
         crate::picture::wrong_brightness(&self.request, file, film)
     }
@@ -404,7 +404,7 @@ impl Session {
     /// Writes a picture of this request to a file, .exr or .png.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// The extension is neither of these, or the file cannot be written.
     pub fn write_to(&self, path: &Path, film: &Film, metadata: &Metadata) -> Result<(), Error> {
         crate::picture::write(&self.request, self.painter.hints(), path, film, metadata)
     }

@@ -48,7 +48,7 @@ impl ActiveSession {
         self.journal.as_deref()
     }
 
-    /// Ends the session without a picture: another machine has completed the job.
+    /// Ends the session without a picture, because another machine has completed the job.
     pub fn leave(&self) {
         self.reporter.finish();
     }

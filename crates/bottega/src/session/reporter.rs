@@ -28,7 +28,7 @@ const SPEED_OVER: Duration = Duration::from_secs(3);
 /// mixed in.
 const SHARE_SEEN: f64 = 0.1;
 
-/// Sends events to a watcher.
+/// The reports of a session: sends events, progress and previews to a watcher.
 pub struct Reporter {
     watcher: Arc<dyn Watcher>,
     pace: Mutex<WorkRate>,
@@ -93,12 +93,12 @@ impl Reporter {
         &self.watcher
     }
 
-    /// Reports an informative message.
+    /// Reports a message to the user, as [`Event::Note`].
     pub fn say(&self, message: &str) {
         self.tell(Event::Note { message: message.to_owned() });
     }
 
-    /// Reports a warning to the user.
+    /// Reports a warning to the user, as [`Event::Warning`].
     pub fn warn(&self, message: String) {
         self.tell(Event::Warning { message });
     }

@@ -6,7 +6,7 @@ use bottega_image::Tile;
 
 use crate::events::Event;
 
-/// Receives the events of a job. The methods are called from rendering threads and must return quickly.
+/// The receiver of the events of a job. The methods are called from rendering threads and must return quickly.
 pub trait Watcher: Send + Sync {
     /// Receives an event of the job.
     fn event(&self, event: Event);

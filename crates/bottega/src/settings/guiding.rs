@@ -13,7 +13,8 @@ pub fn directions(guide: &GuideOptions) -> bool {
     }
 }
 
-/// Returns the other uses of lighting agents: shadows, choice of lights, Russian roulette.
+/// Returns the uses of lighting agents as guides, except directions: shadows, choice of lights, Russian roulette. None if the
+/// request chooses another guide.
 pub fn guide_agents(guide: &GuideOptions) -> AgentUse {
     if choice(guide) != GuideChoice::Ala {
         return AgentUse::default();
@@ -25,7 +26,8 @@ pub fn guide_agents(guide: &GuideOptions) -> AgentUse {
     }
 }
 
-/// Returns both settings of a choice with all of its uses.
+/// Returns the settings of a guide that is used for everything it can do: true if paths learn directions, and the uses of
+/// lighting agents.
 pub fn whole_guide(choice: GuideChoice) -> (bool, AgentUse) {
     let guide = GuideOptions { by: Some(choice), ..GuideOptions::default() };
     (directions(&guide), guide_agents(&guide))

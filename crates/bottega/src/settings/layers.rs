@@ -4,7 +4,7 @@ use bottega_image::{Aov, AovSet};
 
 use crate::error::Error;
 
-/// The auxiliary layers of denoisers.
+/// The layers that help a denoiser.
 pub const GUIDES: [Aov; 2] = [Aov::Albedo, Aov::Normal];
 
 /// The word that requests all layers.

@@ -34,7 +34,7 @@ use crate::{
 /// Maximum number of bounces if neither request nor scene gives one.
 const DEFAULT_DEPTH: u32 = 16;
 
-/// Returns the maximum number of bounces.
+/// Returns the maximum number of bounces of light: that of the request, that of the scene file, or the default.
 pub fn max_depth(request: &Request, subject: &LoadedScene) -> u32 {
     request.integrator.max_depth.or(subject.hints.max_depth).map_or(DEFAULT_DEPTH, |depth| depth.min(DEPTH_MAX))
 }
@@ -83,7 +83,7 @@ pub(crate) fn optimization(optimization: OptimizationChoice) -> Optimization {
     }
 }
 
-/// Returns the rule that decides auctions.
+/// Returns the rule that decides auctions, as chosen in a request.
 pub fn auction_rule(choice: AuctionChoice) -> AuctionRule {
     match choice {
         AuctionChoice::FinishingTime => AuctionRule::FinishingTime,
@@ -93,7 +93,7 @@ pub fn auction_rule(choice: AuctionChoice) -> AuctionRule {
     }
 }
 
-/// Returns the rule by which agents adapt V_cp.
+/// Returns the rule by which agents adapt V_cp, as chosen in a request.
 pub fn adaptation_rule(choice: AdaptationChoice) -> AdaptationRule {
     match choice {
         AdaptationChoice::Ratio => AdaptationRule::MedianRatio,
@@ -126,7 +126,7 @@ pub(crate) fn filter(request: &Request, subject: &LoadedScene) -> Filter {
     }
 }
 
-/// Returns the tone curve.
+/// Returns the tone map of a curve chosen in a request.
 pub fn tone(tone: ToneCurve) -> ToneMap {
     match tone {
         ToneCurve::Agx => ToneMap::Agx,

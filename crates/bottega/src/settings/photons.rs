@@ -12,7 +12,7 @@ const GATHER: u32 = 60;
 const RADIUS: f32 = 0.1;
 const FINAL_RAYS: u32 = 4;
 
-/// Returns the settings of photons.
+/// Returns the settings of photons: those of the request, those of the scene file, or the defaults.
 ///
 /// - `bounces`: maximum number of bounces of light.
 /// - `hints`: photon settings of the scene file, if its integrator uses photons; then the picture is progressive unless the

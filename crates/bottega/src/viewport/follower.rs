@@ -24,18 +24,20 @@ pub struct ViewportLook {
     pub camera: Camera,
 }
 
-/// Receives the looks of a viewport. The functions must return quickly.
+/// The receiver of the looks of a viewport. The functions must return quickly.
 pub trait ViewportFollower: Send + Sync {
-    /// Another look is wanted: samples of all looks before it are not needed any more. Called from the thread that wants it; the
-    /// look may have begun already.
+    /// Announces that another look is wanted: samples of all looks before it are not needed any more. Called from the thread that
+    /// wants it; the look may have begun already.
     ///
     /// - `next`: the number of the look that is wanted.
     fn ends_before(&self, next: u64);
 
-    /// A look begins, and all before it are over.
+    /// Announces that a look begins, and that all before it are over.
     fn begins(&self, look: ViewportLook);
 
-    /// A look has all its samples.
+    /// Announces that a look has all its samples.
+    ///
+    /// - `look`: the number of the look.
     fn rests(&self, look: u64);
 }
 
@@ -62,6 +64,9 @@ impl ViewportLook {
     }
 
     /// Checks that a request can be used for a look that another process shows.
+    ///
+    /// # Errors
+    /// The request is invalid, or names an external engine.
     pub(super) fn check(request: &Request) -> Result<(), Error> {
         if !request.engine.is_builtin() {
             return Err(Error::usage("only the built-in engine renders samples for viewports", "leave out the engine"));

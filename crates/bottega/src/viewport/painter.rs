@@ -239,7 +239,12 @@ fn similar_size((width, height): (u32, u32), pixels: f64) -> (u32, u32) {
     (columns(rows) as u32, rows)
 }
 
-/// Adds samples to all pixels; `None`: cancelled.
+/// Adds samples to all pixels. Returns their sums; `None`: cancelled.
+///
+/// - `(samples, tile)`: the range of sample indices, and the sums so far.
+///
+/// # Errors
+/// The engine fails.
 pub(super) fn pass(
     engine: &BuiltinEngine,
     settings: &JobSettings,

@@ -13,14 +13,14 @@ use crate::{
     session::{Session, SessionOptions, Urgency},
 };
 
-/// Renders samples of looks that a viewport of another process shows ([`super::Viewport::add`]). Other pictures of this process
-/// wait meanwhile.
+/// A renderer of samples of looks that a viewport of another process shows ([`super::Viewport::add`]). Other pictures of this
+/// process wait meanwhile.
 pub struct ViewportSampler {
     session: Session,
     scene: Arc<Scene>,
 }
 
-/// Ends the rendering of a look at once; clones do the same.
+/// A switch that ends the rendering of a look at once; clones do the same.
 #[derive(Clone)]
 pub struct LookEnd {
     engine: Arc<BuiltinEngine>,
@@ -50,7 +50,9 @@ impl ViewportSampler {
         Ok(Self { session, scene })
     }
 
-    /// Changes to another look at the same scene.
+    /// Returns the renderer for another look at the same scene.
+    ///
+    /// - `request`, `camera`: those of the look.
     ///
     /// # Errors
     /// The request or the camera cannot be used.
@@ -65,7 +67,7 @@ impl ViewportSampler {
         self.session.settings().crop
     }
 
-    /// Returns what ends the rendering of the current look.
+    /// Returns the switch that ends the rendering of the current look.
     ///
     /// # Errors
     /// The session uses an external engine.

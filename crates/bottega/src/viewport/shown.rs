@@ -24,7 +24,7 @@ use crate::{
 /// Shortest interval between two frames of the same look.
 const FRAME_EVERY: Duration = Duration::from_millis(40);
 
-/// A frame of a viewport.
+/// A frame of a viewport, with its pixels for display.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ViewportFrame {
     /// Number of the frame; grows with each change.
@@ -39,7 +39,7 @@ pub struct ViewportFrame {
     pub png: Vec<u8>,
 }
 
-/// A linear frame of a viewport.
+/// The state of a linear frame of a viewport, whose pixels [`super::Viewport::copy_linear`] copies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LinearFrameState {
     /// Number of the frame; grows with each change.
@@ -218,7 +218,10 @@ impl ViewportShared {
         Some(given.map_or(Duration::ZERO, |(_, at)| FRAME_EVERY.saturating_sub(at.elapsed())))
     }
 
-    /// Returns the current frame if it is newer than `after` and due.
+    /// Returns the current frame if it is newer than `after` and due, else `None`.
+    ///
+    /// # Errors
+    /// The wanted view failed, or the frame cannot be encoded.
     pub(super) fn frame(&self, after: u64) -> Result<Option<ViewportFrame>, Error> {
         if self.due(after) != Some(Duration::ZERO) {
             return Ok(None);

@@ -36,7 +36,9 @@ pub(super) struct HostClaim {
     renewed: Option<Instant>,
 }
 
-/// Returns the host of a platform's agents, if there is one.
+/// Returns the host of a platform's agents; `None`: no process hosts them.
+///
+/// - `platform`: the name of the platform.
 pub fn host_of(board: &JobBoard, platform: &str) -> Option<PlatformHost> {
     let notice = board.uplink.notices().get(&name_of(platform)).filter(|notice| notice.unchanged < SILENT_AFTER)?;
     serde_json::from_slice(&notice.text).ok()

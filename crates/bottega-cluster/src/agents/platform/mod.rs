@@ -66,7 +66,7 @@ pub struct PlatformOptions {
 }
 
 impl PlatformOptions {
-    /// Checks that other platforms can connect.
+    /// Checks that other platforms can connect to the address.
     ///
     /// # Errors
     /// The platform listens on all addresses, and no public one is given.
@@ -143,7 +143,7 @@ impl FarmPlatform {
         self.agents.is_some()
     }
 
-    /// Deregisters the agents and stops.
+    /// Deregisters the agents that this process hosts, and stops the platform.
     pub fn stop(self) {
         drop((self.agents, self.strangers));
         // They held the other references to the node.

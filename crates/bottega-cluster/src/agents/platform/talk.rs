@@ -12,7 +12,8 @@ use super::terms::{Unread, reason, unrecognised_content};
 /// A message on the platform.
 pub(super) type Message = AclMessage<PlainContent>;
 
-/// Returns the content from an agent of another platform, unless it is an answer: answering answers has no end.
+/// Returns the content of a message from an agent of another platform; `None`: it has no such content, or is an answer. Answers
+/// are not answered, so that a conversation ends.
 pub(super) fn foreign(message: &Message) -> Option<&WireMessage> {
     use Performative as P;
     let is_answer = matches!(

@@ -17,7 +17,7 @@ pub(super) struct OwnerObservation {
     pub(super) others: f32,
 }
 
-/// A part of the day.
+/// A part of each day, in local time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DailyHours {
     /// The minute of the day at which it begins.
@@ -48,7 +48,7 @@ pub enum OwnerReason {
     Load,
 }
 
-/// The state of the policy: whether the machine may work, and since when it is quiet.
+/// The state of the policy: if the machine may work, and the time since which it is quiet.
 #[derive(Clone, Debug)]
 pub(super) struct OwnerPolicy {
     conditions: OwnerConditions,

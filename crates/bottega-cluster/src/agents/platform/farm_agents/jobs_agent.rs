@@ -100,8 +100,9 @@ pub(super) struct JobsAgent {
 type JobsActions = Vec<ActionOf<JobsAgent>>;
 
 impl JobsAgent {
-    /// Returns the agent.
+    /// Makes the agent.
     ///
+    /// - `platform`: the name of the platform: the part after `@`.
     /// - `farm`: the current state of the farm.
     pub(super) fn new(around: Surroundings, platform: String, farm: Arc<FarmView>) -> Self {
         let id = around.jobs.clone();

@@ -109,9 +109,10 @@ pub(super) struct RenderAgent {
 type RenderActions = Vec<ActionOf<RenderAgent>>;
 
 impl RenderAgent {
-    /// Returns the agent.
+    /// Makes the agent of a machine.
     ///
     /// - `id`: its name, with the addresses of the platform.
+    /// - `job`: the job that the machine works on.
     pub(super) fn new(id: AgentId, around: Surroundings, machine: MachineView, job: Option<Box<JobView>>) -> Self {
         let mut this = Self {
             id,

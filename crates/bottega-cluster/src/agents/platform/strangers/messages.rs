@@ -35,7 +35,8 @@ pub(super) fn key_of(secret: u64, agent: &str, zone: ZoneId, fence: Revision) ->
     hasher.finalize().to_hex().as_str()[..32].to_owned()
 }
 
-/// Returns the content from an agent of another platform; unlike [`talk::foreign`], also of answers.
+/// Returns the content of a message from an agent of another platform; unlike [`talk::foreign`], also of answers. `None`: it has
+/// no such content.
 pub(super) fn foreign(message: &Message) -> Option<&WireMessage> {
     match &message.content {
         PlainContent::Foreign(wire) => Some(wire),
