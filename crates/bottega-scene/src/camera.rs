@@ -7,7 +7,7 @@ use crate::lenses::LensSystem;
 use crate::medium::MediumId;
 use crate::motion::TransformKey;
 
-/// The projection of a camera.
+/// The projection of a camera: the law that maps directions or positions in front of it to places on the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Projection {
@@ -61,7 +61,7 @@ pub enum Panorama {
     Cube,
 }
 
-/// The maximum number of blades of an aperture.
+/// The maximum of [`Aperture::blades`].
 pub const BLADES_MAX: u32 = 1000;
 
 /// The shape of a lens's opening, which is that of highlights out of focus. It lies within the circle of the lens's
@@ -142,7 +142,7 @@ impl FovAxis {
     }
 }
 
-/// A camera. It looks along its own −z, +y is up and +x to the right.
+/// A camera: position, projection, lens and film. It looks along its own −z; +y is up and +x to the right.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
     /// The name in the file; may be empty.

@@ -90,7 +90,7 @@ impl Default for FilmFilter {
     }
 }
 
-/// Metadata of a scene file.
+/// Facts about a scene file: its format, and the program that wrote it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Metadata {
     /// Name of the format.

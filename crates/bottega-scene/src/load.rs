@@ -56,8 +56,9 @@ impl From<Scene> for Loaded {
 /// omissions are reported as warnings.
 ///
 /// # Errors
-/// A file cannot be read, is damaged or needs too much memory; with [`LoadOptions::strict`], also unsupported
-/// features.
+/// A file cannot be read, is of an unknown format, is damaged or needs too much memory; the scene has no such animation
+/// or variant as `options` ask for; one of [`LoadOptions::asset_roots`] is not a folder; with [`LoadOptions::strict`],
+/// also unsupported features.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     let mut budget = MemoryBudget::new(options.max_memory_bytes);
     let file = read_file(path, &budget)?;
@@ -187,9 +188,9 @@ fn add_environment(
 }
 
 impl Scene {
-    /// Surrounds the scene with a latitude-longitude picture.
+    /// Replaces the environment with a latitude-longitude picture.
     ///
-    /// - `intensity`: factor of the picture.
+    /// - `intensity`: factor of the picture's radiance.
     /// - `rotation`: about the y axis, counter-clockwise seen from above, in radians.
     pub fn set_environment(&mut self, image: Image, intensity: f32, rotation: f32) {
         self.images.push(image);

@@ -39,12 +39,12 @@ impl<T> SharedList<T> {
         self.push_shared(Arc::new(element));
     }
 
-    /// Appends an element that other lists may refer to.
+    /// Appends an element that other lists may refer to, without a copy.
     pub fn push_shared(&mut self, element: Arc<T>) {
         self.0.push(element);
     }
 
-    /// Replaces an element.
+    /// Replaces the element at `index`. Other lists that refer to the previous one keep it.
     ///
     /// # Panics
     ///
@@ -53,7 +53,7 @@ impl<T> SharedList<T> {
         self.0[index] = element;
     }
 
-    /// Leaves out all elements from an index on.
+    /// Drops all elements from index `len` on; does nothing if the list is shorter.
     pub fn truncate(&mut self, len: usize) {
         self.0.truncate(len);
     }

@@ -9,7 +9,7 @@ use crate::load::Loaded;
 use crate::material::Material;
 use crate::model::{Instance, Scene};
 
-/// A summary of a scene: counts, bounds and names.
+/// A summary of a scene for display: counts, bounds and names.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneSummary {
     /// Metadata of the scene file.
@@ -47,7 +47,9 @@ pub struct SceneSummary {
 }
 
 impl SceneSummary {
-    /// Counts the contents of a scene: triangles, lights, materials and more.
+    /// Returns the summary of a scene.
+    ///
+    /// - `metadata`: of the file that the scene was read from.
     pub fn new(scene: &Scene, metadata: &Metadata) -> Self {
         let environment = scene.environment.as_ref().map(|environment| {
             environment.image.map(|image| scene.images[image.0 as usize].name.clone()).unwrap_or_default()
