@@ -80,7 +80,7 @@ pub struct PixelSampler {
 }
 
 impl PixelSampler {
-    /// Creates the sampler of sample `sample_index` of the pixel (x, y) of the picture.
+    /// Creates the sampler of sample `sample_index` of the pixel (x, y) of the whole picture.
     #[inline(always)]
     pub fn new(seed: u64, x: u32, y: u32, sample_index: u32) -> Self {
         let pixel = u64::from(x) | u64::from(y) << 32;
@@ -111,8 +111,10 @@ impl PixelSampler {
         [[all[0], all[1], all[2], all[3]], [all[4], all[5], all[6], all[7]]]
     }
 
-    /// Returns the numbers of part `part` of `part_count`, if this sample is split in that set. The parts of all samples
-    /// form one sequence, so they are stratified against each other as well.
+    /// Returns the numbers of one part of this sample, if it is split in that set. The parts of all samples form one
+    /// sequence, so they are stratified against each other as well.
+    ///
+    /// - `part`: number of the part, below `part_count`.
     #[inline(always)]
     pub fn split_quad(&self, set: DimensionSet, part: u32, part_count: u32) -> Quad {
         debug_assert!(part < part_count);
@@ -155,7 +157,7 @@ impl PixelSampler {
     }
 }
 
-/// Returns the hash of a seed that all pixels share.
+/// Returns the hash of a seed, from which the keys of all pixels are derived.
 pub fn mixed_seed(seed: u64) -> u64 {
     mix64(seed)
 }

@@ -23,6 +23,7 @@ impl View {
     /// Returns the view of a camera of the scene.
     ///
     /// - `index`: index into [`Scene::cameras`].
+    /// - `width`, `height`: size of the whole picture in pixels.
     ///
     /// # Errors
     /// [`RenderError::NoCamera`].
@@ -32,7 +33,7 @@ impl View {
         Ok(Self { camera: Arc::new(camera.clone()), width, height })
     }
 
-    /// Returns the same view in another size.
+    /// Returns the view of the same camera in another size, in pixels.
     #[must_use]
     pub fn sized(&self, width: u32, height: u32) -> Self {
         Self { camera: Arc::clone(&self.camera), width, height }
@@ -77,7 +78,7 @@ impl AgentUse {
     }
 }
 
-/// The settings of the path integrator.
+/// The settings of a picture's light transport: path tracing, or photon mapping if [`Self::photons`] is set.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathSettings {
     /// Seed of the random numbers; the mean does not depend on it.
@@ -193,10 +194,10 @@ impl AgentSettings {
     }
 }
 
-/// The rules by which agents answer.
+/// The rules by which lighting agents answer, or decline to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Oracle {
-    /// The expected error.
+    /// Agents answer where the expected error of the answer is small.
     #[default]
     Error,
     /// The rules of Herubel, Biri and Deverly 2009, *Autonomous Lighting Agents in Photon Mapping*.

@@ -32,17 +32,18 @@ const CLAY: u32 = 1;
 const GLASS: u32 = 2;
 const LAMP: u32 = 3;
 
-/// A small benchmark picture of balls, half of them glass, on uneven ground.
+/// A small benchmark picture of balls, half of them glass, on uneven ground: the time to render it measures the speed
+/// of path tracing.
 pub struct SpeedProbe {
     scene: PreparedScene,
     settings: PathSettings,
 }
 
 impl SpeedProbe {
-    /// Prepares the scene.
+    /// Prepares the scene of the benchmark.
     ///
     /// # Errors
-    /// The acceleration structure cannot be built.
+    /// [`RenderError::Accel`]: the acceleration structure cannot be built.
     pub fn new() -> Result<Self, RenderError> {
         let settings =
             PathSettings { max_depth: MAX_DEPTH, filter: Filter::PIXEL, guiding: false, ..PathSettings::default() };

@@ -57,7 +57,7 @@ struct MapSamples {
     values: Vec<(Criterion, Vec<Vec3>)>,
 }
 
-/// The local sphere around a point.
+/// The sphere around a point, in which samples are compared.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LocalSphere {
     /// Sphere of this radius, as a share of the visible radius: measures the light's variation over a distance.
@@ -67,7 +67,7 @@ pub enum LocalSphere {
     Count(usize),
 }
 
-/// Samples of a picture, to compute densities from.
+/// Samples of a picture's light, photons or lighting agents, from which densities of useful data are computed.
 #[derive(Debug)]
 pub struct Samples {
     layers: Vec<MapSamples>,
@@ -93,7 +93,7 @@ pub struct Ludd {
     pub sample_count: u64,
 }
 
-/// A set of samples.
+/// The kinds of samples that densities of useful data are computed from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SampleSet {
     /// All photons of a picture.
@@ -105,10 +105,10 @@ pub enum SampleSet {
 }
 
 impl Criterion {
-    /// All criteria, for iteration.
+    /// All criteria, in the order of their declaration.
     pub const ALL: [Self; 5] = [Self::Normal, Self::Power, Self::Direction, Self::Irradiance, Self::Importance];
 
-    /// Returns the name in options and reports.
+    /// Returns the name of the criterion in options and reports; [`FromStr`] reads it.
     pub fn name(self) -> &'static str {
         match self {
             Self::Normal => "normal",
@@ -170,6 +170,8 @@ impl Moments {
 
 /// Returns δ_k of equation 1 for the samples in one local sphere: their standard deviation divided by the mean of their
 /// lengths, which is the mean for nonnegative values. `None`: fewer than two samples.
+///
+/// - `values`: one per sample; scalars are in the first coordinate.
 pub fn useful_data_density(values: &[Vec3]) -> Option<f32> {
     let mut moments = Moments::default();
     values.iter().for_each(|&value| moments.add(value));
@@ -177,7 +179,7 @@ pub fn useful_data_density(values: &[Vec3]) -> Option<f32> {
 }
 
 impl Density {
-    /// Returns δ of equation 2, the mean over the known criteria; `None`: none is known.
+    /// Returns δ of equation 2: the mean over the criteria whose δ_k is known; `None`: none is known.
     pub fn all(&self) -> Option<f32> {
         let known: Vec<f32> = self.by_criterion.iter().filter_map(|&(_, density)| density).collect();
         (!known.is_empty()).then(|| known.iter().sum::<f32>() / known.len() as f32)
@@ -185,9 +187,11 @@ impl Density {
 }
 
 impl Samples {
-    /// Makes samples of a picture's scene in the way that the picture makes them.
+    /// Traces the photons, or casts the agents, of a picture in the way that the picture does, and computes their
+    /// values by each criterion.
     ///
-    /// - `settings`: with the settings of photons and agents.
+    /// - `prepass`: belongs to `scene`; it keeps the agents.
+    /// - `settings`: with the settings of photons and agents; defaults take the place of missing ones.
     ///
     /// # Errors
     /// [`RenderError::EmptyPicture`], [`RenderError::PhotonsInMedia`].
@@ -246,7 +250,7 @@ impl Samples {
         self.len() == 0
     }
 
-    /// Returns δ in the local sphere around a point.
+    /// Returns δ of each criterion for the samples in the local sphere around `p`, in world space.
     pub fn density_at(&self, p: Vec3, sphere: LocalSphere) -> Density {
         let mut density = Density::default();
         for layer in &self.layers {
@@ -274,9 +278,10 @@ impl Samples {
         density
     }
 
-    /// Draws the samples as dots, at what the camera sees in the middle of each pixel (the maps of figure 1).
-    /// Row-major.
+    /// Draws the samples as dots, at what the camera sees in the middle of each pixel (the maps of figure 1). Returns
+    /// one dot per pixel, row-major.
     ///
+    /// - `scene`: the scene of the samples.
     /// - `radius`: radius of a dot, as a share of the visible radius.
     ///
     /// # Errors
@@ -298,6 +303,9 @@ impl Samples {
     }
 
     /// Returns δ at what the camera sees in the middle of each pixel.
+    ///
+    /// - `scene`: the scene of the samples.
+    /// - `sphere`: the local sphere around each of these points.
     ///
     /// # Errors
     /// [`RenderError::EmptyPicture`].

@@ -29,12 +29,12 @@ impl Frame {
         }
     }
 
-    /// Transforms a vector from world space into the frame.
+    /// Returns a world-space vector in the frame.
     pub fn to_local(&self, v: Vec3) -> Vec3 {
         Vec3::new(self.x.dot(v), self.y.dot(v), self.z.dot(v))
     }
 
-    /// Transforms a vector from the frame into world space.
+    /// Returns a vector of the frame in world space.
     pub fn to_world(&self, v: Vec3) -> Vec3 {
         self.x * v.x + self.y * v.y + self.z * v.z
     }

@@ -118,7 +118,7 @@ impl LobeFlags {
     }
 }
 
-/// A direction drawn by [`Bsdf::sample`]; [`Self::weight`] multiplies the throughput of the path.
+/// A direction drawn by [`Bsdf::sample`], with the value and the density of the BSDF there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BsdfSample {
     /// The sampled direction, unit length, in the local frame.

@@ -11,7 +11,7 @@ const NORMAL_STEPS: u32 = 1 << 6;
 /// Exponent bias: powers range from 2⁻¹²⁸ to 2¹²⁷.
 const EXPONENT_BIAS: i32 = 128;
 
-/// A photon, or other data at a surface point.
+/// A photon on a surface, packed into 24 bytes; other data at a surface point has the same form.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Photon {
     /// Position, in world space.
@@ -33,9 +33,10 @@ pub struct Mark {
 impl Photon {
     /// Packs a photon.
     ///
+    /// - `p`: position in world space.
     /// - `to_light`: direction against its flight; unit length.
     /// - `normal`: geometric normal, on the side where it arrived; unit length.
-    /// - `power`: finite and at least 0.
+    /// - `power`: power per channel, finite and at least 0.
     pub fn new(p: Vec3, to_light: Vec3, normal: Vec3, power: Spectrum) -> Self {
         let directions = packed(to_light, DIRECTION_STEPS, 10) | packed(normal, NORMAL_STEPS, 6) << 20;
         Self { p, mark: Mark { directions, power: shared_exponent(power), label: 0 } }
@@ -87,7 +88,7 @@ impl Mark {
         Self { directions, power, label }
     }
 
-    /// Returns how often the light was scattered before it arrived.
+    /// Returns the number of times that the light was scattered before it arrived.
     #[inline(always)]
     pub fn bounces(self) -> u32 {
         self.label
