@@ -94,13 +94,13 @@ impl PixelSampler {
         Self { pixel_key: mix64(self.pixel_key ^ mix64(key ^ BRANCH)), ..*self }
     }
 
-    /// Returns the four numbers of a dimension set.
+    /// Returns the four numbers of a dimension set, each in [0, 1).
     #[inline(always)]
     pub fn quad(&self, set: DimensionSet) -> Quad {
         self.scrambled_point(set, self.reversed_index)
     }
 
-    /// Returns the numbers of two sets, at little more than the cost of one.
+    /// Returns the numbers of two dimension sets, at little more than the cost of one.
     #[inline(always)]
     pub fn two_quads(&self, first: DimensionSet, second: DimensionSet) -> [Quad; 2] {
         let (p, j) = self.point(first, self.reversed_index);

@@ -45,7 +45,8 @@ impl View {
     }
 }
 
-/// The strategies that find direct light. All have the same mean, so the single ones serve to test the combination.
+/// The strategies that find direct light. All have the same mean where none of them misses light, so the single ones
+/// serve to test the combination.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum DirectLight {
     /// Light sampling and BSDF sampling, combined by the power heuristic (Veach 1997, §9.2.4).
@@ -57,7 +58,7 @@ pub enum DirectLight {
     BsdfSampling,
 }
 
-/// The uses of lighting agents in path tracing.
+/// The uses of what lighting agents learn, in path tracing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct AgentUse {
     /// `true`: the agents' knowledge of visibility saves shadow rays.
@@ -69,7 +70,7 @@ pub struct AgentUse {
 }
 
 impl AgentUse {
-    /// All uses of agents' knowledge.
+    /// All uses enabled.
     pub const ALL: Self = Self { shadows: true, lights: true, roulette: true };
 
     /// Returns true if any use is enabled.
@@ -147,7 +148,7 @@ pub struct PhotonSettings {
     pub agents: Option<AgentSettings>,
 }
 
-/// The settings of Autonomous Lighting Agents.
+/// The settings of Autonomous Lighting Agents: their number, their rules, and what they decide.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AgentSettings {
     /// Number of agents cast from all lights together, not counting their clones behind surfaces.

@@ -15,7 +15,8 @@ const SHARED_MIN: usize = 32;
 /// Largest number of parts of a stage.
 const PARTS_MAX: usize = 32;
 
-/// Machines that render the same picture of the same scene, with the same version of this program.
+/// The machines that render the same picture of the same scene, with the same version of this program, and share the
+/// work of its prepass.
 pub trait Sharing: Send + Sync {
     /// Performs the parts of a stage, each on one of the participants, and waits for all of them. Returns the results
     /// of all parts, in order.

@@ -50,10 +50,11 @@ impl SpeedProbe {
         Ok(Self { scene: PreparedScene::new(Arc::new(scene()), &PrepareOptions::default())?, settings })
     }
 
-    /// Renders the picture on the calling thread, about ten thousand paths. Returns the mean luminance.
+    /// Renders the picture on the calling thread, about ten thousand paths. Returns the mean luminance, the same each
+    /// time.
     ///
     /// # Errors
-    /// Those of rendering any picture; none are expected.
+    /// Those of [`View::of_scene`] and of rendering; the scene of the benchmark causes none.
     pub fn paint(&self) -> Result<f32, RenderError> {
         let view = View::of_scene(self.scene.scene(), 0, SIDE, SIDE)?;
         let pixels = probe(&self.scene, &view, &self.settings, Rect::of_size(SIDE, SIDE), SAMPLES)?;

@@ -79,7 +79,7 @@ impl FilmFilter {
         }
     }
 
-    /// A box of one pixel.
+    /// The filter that covers one pixel evenly: a box with a radius of half a pixel.
     pub const PIXEL: Self = Self::Box { radius: 0.5 };
 }
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The integrator that a file names.
+/// The integrator that a file names, and the light paths that it follows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IntegratorHint {
     /// Name in the file.

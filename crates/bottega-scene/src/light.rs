@@ -140,7 +140,7 @@ pub struct Portal {
     pub edges: [Vec3; 2],
 }
 
-/// The environment: radiance along rays that leave the scene.
+/// The environment: radiance along rays that leave the scene, from a picture or constant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Environment {
     /// The picture; `None`: 1 in all directions.

@@ -52,13 +52,13 @@ impl From<Scene> for Loaded {
 /// Lights keep the numbers of the file: in glTF, candela counts as W·sr⁻¹, lux as W·m⁻² and the emissive factor as
 /// radiance, so their ratios stay the same.
 ///
-/// A scene without a camera gets one that frames it; a scene without any light gets a neutral sky. Other guesses and
-/// omissions are reported as warnings.
+/// A scene without a camera gets one that frames it; a scene without any light gets a neutral sky, unless
+/// [`LoadOptions::add_sky`] is off. Other guesses and omissions are reported as warnings.
 ///
 /// # Errors
-/// A file cannot be read, is of an unknown format, is damaged or needs too much memory; the scene has no such animation
-/// or variant as `options` ask for; one of [`LoadOptions::asset_roots`] is not a folder; with [`LoadOptions::strict`],
-/// also unsupported features.
+/// A file cannot or must not be read, is of an unknown format, is damaged or needs too much memory; the scene has no
+/// such animation or variant as `options` ask for; one of [`LoadOptions::asset_roots`] is not a folder; with
+/// [`LoadOptions::strict`], also unsupported features.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     let mut budget = MemoryBudget::new(options.max_memory_bytes);
     let file = read_file(path, &budget)?;

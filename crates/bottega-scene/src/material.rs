@@ -89,7 +89,7 @@ pub struct Relief {
     pub rule: ReliefRule,
 }
 
-/// The data of a relief.
+/// The map that describes a relief: of normals or of heights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ReliefSource {
@@ -204,7 +204,7 @@ impl Material {
         self.emission_sides = self.emission_sides.turned();
     }
 
-    /// Returns true if rays may pass through the surface by opacity. If not, [`opacity`](Self::opacity_at) is 1.
+    /// Returns true if opacity may let rays pass through the surface. If not, [`opacity`](Self::opacity_at) is 1.
     pub fn has_opacity(&self) -> bool {
         self.alpha_mode != AlphaMode::Opaque
     }
@@ -233,7 +233,7 @@ impl Material {
         }
     }
 
-    /// Returns true if a surface is a blend or sum, one part of which is chosen at random per hit.
+    /// Returns true if the surface of either side is a blend or a sum, one part of which is chosen at random per hit.
     pub fn is_blended(&self) -> bool {
         let is_blend = |surface: &Surface| matches!(surface, Surface::Blend { .. } | Surface::Sum(_));
         is_blend(&self.surface) || matches!(&self.back, Back::Other(surface) if is_blend(surface))

@@ -250,19 +250,20 @@ impl Mesh {
 }
 
 impl Scene {
-    /// Adds a material. Returns its index.
+    /// Adds a material. Returns its index into [`Self::materials`].
     pub fn push_material(&mut self, material: Material) -> u32 {
         self.materials.push(material);
         self.materials.len() as u32 - 1
     }
 
-    /// Adds a medium. Returns its index.
+    /// Adds a medium. Returns its index into [`Self::media`].
     pub fn push_medium(&mut self, medium: Medium) -> MediumId {
         self.media.push(medium);
         MediumId(self.media.len() as u32 - 1)
     }
 
-    /// Adds a mesh without placing it; see [`push_instance`](Self::push_instance). Returns its index.
+    /// Adds a mesh without placing it; see [`push_instance`](Self::push_instance). Returns its index into
+    /// [`Self::meshes`].
     pub fn push_mesh(&mut self, mesh: Mesh) -> u32 {
         self.meshes.push(mesh);
         self.meshes.len() as u32 - 1

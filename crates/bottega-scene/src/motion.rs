@@ -21,7 +21,7 @@ pub struct Shutter {
     pub ramp: f64,
 }
 
-/// A transformation at a time.
+/// A key of a motion: a transformation at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TransformKey {
@@ -32,7 +32,7 @@ pub struct TransformKey {
     pub transform: Affine3A,
 }
 
-/// The vertices of a mesh at a time.
+/// A key of a mesh's motion: its vertices at a time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshKey {
     /// Time of the key, in the unit of the file.
@@ -43,7 +43,7 @@ pub struct MeshKey {
     pub normals: Vec<Vec3>,
 }
 
-/// A sphere at a time.
+/// A key of a sphere's motion: its place, size and rotation at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SphereKey {
@@ -75,7 +75,7 @@ impl Shutter {
             && (0.0..=0.5).contains(&self.ramp)
     }
 
-    /// Returns true if the shutter is open for no time.
+    /// Returns true if the shutter is open for no time, so that nothing moves.
     pub fn is_instant(&self) -> bool {
         self.close <= self.open
     }

@@ -38,7 +38,7 @@ impl Mesh {
         mesh
     }
 
-    /// Returns a sphere of triangles, front outside, with smooth normals.
+    /// Returns a sphere of triangles, front outside, with smooth normals and texture coordinates.
     ///
     /// - `rows`: bands from pole to pole, at least 2; there are twice as many columns.
     pub fn uv_sphere(center: Vec3, radius: f32, rows: u32) -> Self {

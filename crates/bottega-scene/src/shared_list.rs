@@ -29,7 +29,7 @@ impl<T> SharedList<T> {
         self.0.last().map(AsRef::as_ref)
     }
 
-    /// Returns the elements with their reference counts. The same pointer means the same value.
+    /// Returns the elements as shared pointers. Equal pointers mean the same value, also in different lists.
     pub fn shared(&self) -> &[Arc<T>] {
         &self.0
     }
@@ -63,14 +63,14 @@ impl<T> SharedList<T> {
         self.0.pop()
     }
 
-    /// Iterates over the elements.
+    /// Returns an iterator over the elements.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = &T> + DoubleEndedIterator + Clone {
         self.0.iter().map(AsRef::as_ref)
     }
 }
 
 impl<T: Clone> SharedList<T> {
-    /// Iterates over the elements to change them; copies those that other lists refer to.
+    /// Returns an iterator that changes the elements; it copies those that other lists refer to.
     pub fn iter_mut(&mut self) -> impl ExactSizeIterator<Item = &mut T> {
         self.0.iter_mut().map(Arc::make_mut)
     }

@@ -28,7 +28,7 @@ pub struct SceneSummary {
     pub sphere_count: usize,
     /// Number of placed meshes, spheres, lights and cameras that have keys of motion.
     pub moving_count: usize,
-    /// When the shutter opens and is closed.
+    /// Times at which the shutter opens and is closed, in the unit of the file.
     pub shutter: [f64; 2],
     /// Least and greatest coordinates, world space.
     pub bounds: (Vec3, Vec3),
@@ -106,7 +106,7 @@ fn moving_count(scene: &Scene) -> usize {
 }
 
 impl Loaded {
-    /// Returns the summary of the loaded scene.
+    /// Returns the summary of the loaded scene and its file.
     pub fn summary(&self) -> SceneSummary {
         SceneSummary::new(&self.scene, &self.metadata)
     }

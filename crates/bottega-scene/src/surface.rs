@@ -13,7 +13,7 @@ use crate::color::Spectrum;
 use crate::hair::{Hair, Strand};
 use crate::param::{ColorParam, ScalarParam};
 
-/// The scattering model of a surface.
+/// The scattering model of a surface: one of a closed set that covers the materials of the supported formats.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Surface {
@@ -66,7 +66,7 @@ pub struct Diffuse {
     pub roughness: ScalarParam,
 }
 
-/// Metal, by its complex index of refraction.
+/// The surface of a metal, by its complex index of refraction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Conductor {
     /// Real part η of the index of refraction.
@@ -160,7 +160,7 @@ pub struct Coated {
     pub base: CoatedBase,
 }
 
-/// Disney's material (Burley 2012 and 2015).
+/// The parameters of Disney's material (Burley 2012 and 2015).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Principled {
     /// Colour of the base, in [0, 1].

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub struct Visibility(u8);
 
 impl Visibility {
-    /// Visible to no ray.
+    /// The empty set: visible to no ray.
     pub const NONE: Self = Self(0);
     /// Rays of the camera.
     pub const CAMERA: Self = Self(1);
@@ -24,9 +24,9 @@ impl Visibility {
     pub const VOLUME: Self = Self(16);
     /// Rays from a point towards a light that was sampled for it: a surface that is not there for them casts no shadow.
     pub const SHADOW: Self = Self(32);
-    /// Visible to all rays.
+    /// The set of all kinds: visible to all rays.
     pub const ALL: Self = Self(63);
-    /// Rays after a scattering event.
+    /// Rays after a scattering event, of all kinds.
     pub const BOUNCES: Self = Self(Self::DIFFUSE.0 | Self::GLOSSY.0 | Self::TRANSMISSION.0 | Self::VOLUME.0);
 
     /// Returns true if all kinds of `other` are in the set.

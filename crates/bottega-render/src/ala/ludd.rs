@@ -44,7 +44,7 @@ pub enum Criterion {
     Importance,
 }
 
-/// The error of an unknown criterion's name.
+/// The error of a text that is not the name of a [`Criterion`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is not a criterion; there are normal, power, direction, irradiance and importance")]
 pub struct UnknownCriterion(String);
@@ -75,7 +75,7 @@ pub struct Samples {
     extent: f32,
 }
 
-/// Density of useful data δ at a point.
+/// The density of useful data δ at a point, by criterion.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Density {
     /// δ_k of each criterion; `None`: fewer than two samples in the sphere.
@@ -84,7 +84,7 @@ pub struct Density {
     pub sample_count: u32,
 }
 
-/// Density of useful data δ of all pixels.
+/// The local useful data density of a picture: δ at what each pixel shows.
 #[derive(Clone, Debug, Default)]
 pub struct Ludd {
     /// Densities, row-major; `None`: the camera sees nothing there.
@@ -322,7 +322,7 @@ impl Samples {
     }
 }
 
-/// A pixel of a drawing of samples.
+/// A pixel of a drawing of samples or agents.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Dot {
     /// The camera sees nothing.

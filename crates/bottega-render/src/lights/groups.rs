@@ -23,7 +23,7 @@ pub struct LightGroups {
 }
 
 impl LightGroups {
-    /// Largest number of groups.
+    /// Largest number of groups of a picture.
     pub const MAX: usize = 16;
     /// The name of the environment among the lights.
     pub const ENVIRONMENT: &str = "environment";

@@ -20,7 +20,7 @@ const WIDTH: usize = 4;
 const BUCKETS: usize = 12;
 /// Depth from which on nodes are halved by count, which bounds the depth for any input.
 const BALANCED_DEPTH: usize = 48;
-/// Smallest squared distance, which avoids division by 0.
+/// Smallest squared distance to a light, in squared scene units, which avoids division by 0.
 pub const DISTANCE_SQUARED_MIN: f32 = 1e-20;
 
 /// One value per child.

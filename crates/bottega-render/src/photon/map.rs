@@ -15,7 +15,8 @@ const DEPTH_MAX: usize = 40;
 /// Greatest number of photons that [`Nearest`] holds.
 pub const NEAREST_MAX: usize = 512;
 
-/// Photons in a kd-tree. The tree depends only on the photons and their order, not on the number of threads.
+/// Photons in a kd-tree, each with a number from 0. The tree depends only on the photons and their order, not on the
+/// number of threads.
 #[derive(Clone, Debug, Default)]
 pub struct PhotonMap {
     /// Inner nodes, starting at index 1; the children of node i are 2i and 2i + 1.

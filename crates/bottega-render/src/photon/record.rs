@@ -19,7 +19,7 @@ pub struct Photon {
     mark: Mark,
 }
 
-/// The data of a photon without its position, packed.
+/// The data of a photon without its position, packed: directions, power and number of bounces.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Mark {
     /// Octahedral coordinates: 10 bits each for the direction, 6 bits each for the normal.

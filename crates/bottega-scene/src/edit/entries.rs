@@ -166,7 +166,7 @@ impl SceneEditor {
         Ok(())
     }
 
-    /// Returns the environment; `None`: it is black.
+    /// Returns the environment, the light from infinitely far away; `None`: it is black.
     pub fn environment(&self) -> Option<&Environment> {
         self.base.environment.as_ref()
     }

@@ -77,7 +77,7 @@ struct EditedSphere {
 pub struct EditedLight {
     /// The kind, position and strength of the light.
     pub kind: EditedLightKind,
-    /// Kinds of ray that the thing reaches.
+    /// Kinds of ray that the light reaches.
     #[serde(default)]
     pub visibility: Visibility,
     /// Keys of a transformation of the light from where [`Self::kind`] puts it, world space to world space, if it moves.
@@ -347,7 +347,7 @@ impl SceneEditor {
         Ok(())
     }
 
-    /// Sets the span of time that pictures show.
+    /// Sets the span of time that pictures show, and the light that the shutter lets pass in the course of it.
     ///
     /// # Errors
     /// It closes before it opens, a time is not finite, or its ramp is not from 0 to 0.5.
@@ -405,8 +405,8 @@ impl SceneEditor {
         })
     }
 
-    /// Sorts the entries of a kind by a list of keys, as if they had been added in this order. Entries without one of these keys
-    /// follow. A picture depends on the order.
+    /// Sorts the entries of a kind by a list of keys, as if they had been added in this order. Entries without one of
+    /// these keys follow, in their order. A picture depends on the order.
     ///
     /// # Errors
     /// A key does not exist; nothing has changed then.
@@ -470,10 +470,10 @@ impl SceneEditor {
         }
     }
 
-    /// Removes a thing by its key.
+    /// Removes an entry by its key.
     ///
     /// # Errors
-    /// There is no such thing, or something else refers to it.
+    /// There is no such entry, or something else refers to it.
     pub fn remove(&mut self, kind: EntryKind, key: &str) -> Result<(), EditError> {
         self.check_exists(kind, key)?;
         if let Some(user) = self.user_of(kind, key) {
