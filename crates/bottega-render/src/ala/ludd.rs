@@ -333,7 +333,7 @@ pub enum Dot {
     Sample(f32),
 }
 
-/// Returns the first hit of a camera ray.
+/// Returns the first hit of a camera ray; `None`: it hits nothing.
 pub(super) fn first_place(scene: &PreparedScene, camera: &PathIntegrator<'_>, x: u32, y: u32) -> Option<Vec3> {
     let (ray, _) = camera.camera_ray(&PixelSampler::new(0, x, y, 0), x, y);
     let hit = scene.accel().intersect(&Ray { t_max: ray.reach, ..Ray::new(ray.origin, ray.direction) });
