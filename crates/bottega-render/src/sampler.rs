@@ -19,7 +19,7 @@ pub type Quad = [f32; 4];
 pub struct DimensionSet(u32);
 
 impl DimensionSet {
-    /// The camera: position in the pixel (2), position on the lens (2).
+    /// The dimensions of the camera ray: position in the pixel (2), position on the lens (2).
     pub const CAMERA: Self = Self(0);
 
     /// The time of the path (1), spare (3). Beyond all other sets.
@@ -133,8 +133,8 @@ impl PixelSampler {
         glam::Vec2::new(x, y)
     }
 
-    /// Returns a hash of sample and `key` in [0, 1), for decisions without a dimension, such as the opacity of a
-    /// half-transparent surface.
+    /// Returns a random number in [0, 1), a hash of the sample and `key`, for decisions without a dimension, such as
+    /// the opacity of a half-transparent surface.
     #[inline(always)]
     pub fn hashed(&self, key: u64) -> f32 {
         let bits = mix64(mix64(self.pixel_key ^ key) ^ u64::from(self.sample_index));

@@ -107,7 +107,7 @@ pub struct PathSettings {
     pub photons: Option<PhotonSettings>,
 }
 
-/// The settings of photon mapping.
+/// The settings of photon mapping: photons, final gathering, caches and lighting agents.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhotonSettings {
     /// Number of photons emitted, in each pass for a progressive picture. 0: direct light only.

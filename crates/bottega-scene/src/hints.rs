@@ -30,8 +30,8 @@ pub struct RenderHints {
     pub is_sky_added: bool,
 }
 
-/// A separable pixel filter. Radii are in pixels, from the centre to the edge. Workers with other engines report their
-/// filter in this format.
+/// A separable pixel reconstruction filter. Radii are in pixels, from the centre to the edge. Workers with other
+/// engines report their filter in this format.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum FilmFilter {

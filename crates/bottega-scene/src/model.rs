@@ -88,7 +88,7 @@ pub struct Sphere {
     pub motion: Vec<SphereKey>,
 }
 
-/// A complete scene: everything that a render needs except its settings.
+/// A complete scene: everything that a picture shows, and its cameras, without the settings of a render.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
     /// Meshes, in object space; instances place them.
@@ -289,7 +289,7 @@ impl Scene {
         self.instances.push(instance);
     }
 
-    /// Adds a mesh whose object space is world space, and places it.
+    /// Adds a mesh whose object space is world space, and an instance of it.
     pub fn push_surface(&mut self, mesh: Mesh) {
         let mesh = self.push_mesh(mesh);
         self.push_instance(mesh, Affine3A::IDENTITY);

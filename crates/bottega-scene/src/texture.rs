@@ -62,7 +62,7 @@ pub enum MappingKind {
     Cells,
 }
 
-/// A picture on a surface: its texture coordinates, and the lookup outside of it and between its texels.
+/// A picture on a surface: its texture coordinates, and the lookup beyond its edges and between its texels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TextureMap {
     /// The picture that is mapped.

@@ -122,7 +122,8 @@ enum KindAt<'a> {
 }
 
 impl Bsdf {
-    /// Creates the BSDF of the layered material, in radiance mode.
+    /// Creates the BSDF of the layered material for the transport of radiance; values outside of their ranges are
+    /// clamped.
     pub fn new(params: &SurfaceParams) -> Self {
         let p = params.clamped();
         if is_lambert(&p) {

@@ -10,7 +10,7 @@ use glam::Vec3;
 
 use super::tables::{Mu, Rough, Tables};
 
-/// Smallest roughness; smaller values are clamped, because the lobe becomes a line along the horizon.
+/// Smallest roughness of sheen; smaller values are clamped, because the lobe becomes a line along the horizon.
 pub const ROUGHNESS_MIN: f32 = 0.1;
 
 /// A layer of fibers on top of all other layers.

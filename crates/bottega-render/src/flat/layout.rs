@@ -249,7 +249,7 @@ record! {
 }
 
 record! {
-    /// A node of the light tree; one value for each of four children.
+    /// A node of the light tree; each field has one value for each of four children.
     pub struct TreeNodeRecord {
         /// x of the centres of the boxes.
         pub center_x: [f32; 4],

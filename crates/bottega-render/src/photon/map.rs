@@ -37,8 +37,8 @@ struct PhotonPlane {
 }
 
 impl PhotonMap {
-    /// Builds the tree on the current thread pool, which numbers the photons in the order of its leaves. Drops photons
-    /// whose position is not finite.
+    /// Builds the tree on the current thread pool. Photons are numbered in the order of the tree's leaves; those whose
+    /// position is not finite are dropped.
     pub fn new(mut photons: Vec<Photon>) -> Self {
         photons.retain(|photon| photon.p.is_finite());
         let leaves = photons.len().div_ceil(BUCKET);
@@ -140,7 +140,7 @@ impl PhotonMap {
         self
     }
 
-    /// Returns all photons, in the order of their numbers.
+    /// Returns an iterator over all photons, in the order of their numbers.
     pub fn iter(&self) -> impl Iterator<Item = Photon> + '_ {
         (0..self.len() as u32).map(|index| self.photon(index))
     }

@@ -59,7 +59,7 @@ impl Photon {
         Self { mark: Mark { power: shared_exponent(power), ..self.mark }, ..self }
     }
 
-    /// Returns this photon with `bounces` scatterings before it arrived.
+    /// Returns this photon with another number of bounces: how often the light was scattered before it arrived.
     #[must_use]
     pub fn with_bounces(self, bounces: u32) -> Self {
         self.with_label(bounces)
@@ -124,7 +124,7 @@ impl Mark {
         self.power
     }
 
-    /// Returns the power, within half a percent of its greatest channel.
+    /// Returns the power per channel, within half a percent of its greatest channel.
     #[inline(always)]
     pub fn power(self) -> Spectrum {
         of_shared_exponent(self.power)
