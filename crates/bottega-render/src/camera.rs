@@ -26,7 +26,7 @@ pub struct RayCone {
 }
 
 impl RayCone {
-    /// Returns the cone at a distance along its ray.
+    /// Returns the cone at a distance along its ray, in scene units.
     #[must_use]
     #[inline(always)]
     pub fn at(self, distance: f32) -> Self {
@@ -38,7 +38,7 @@ impl RayCone {
 /// by a full pixel are blurred twice, and lose detail at grazing angles.
 pub(crate) const BEAM: f32 = 0.125;
 
-/// A ray from the camera.
+/// A ray from the camera, with the part of the scene that it can see.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraRay {
     /// Origin in world space.
@@ -100,8 +100,10 @@ pub(crate) enum ProjectionKind {
 }
 
 impl CameraRays {
-    /// Creates the generator. The extent along the camera's [`FovAxis`](bottega_scene::FovAxis) is kept for any shape of
-    /// the picture.
+    /// Creates the generator of a camera that stands still. The extent along the camera's
+    /// [`FovAxis`](bottega_scene::FovAxis) is kept for any shape of the picture.
+    ///
+    /// - `width`, `height`: size of the whole picture in pixels; 0 counts as 1.
     pub fn new(camera: &Camera, width: u32, height: u32) -> Self {
         let whole = Vec2::new(width.max(1) as f32, height.max(1) as f32);
         let (eyes, size) = camera.stereo.map_or((None, whole), |stereo| {
@@ -168,17 +170,18 @@ impl CameraRays {
     /// Returns the ray through a position of the picture.
     ///
     /// - `place`: position in pixels from the upper left corner; the centre of pixel (x, y) is (x + ½, y + ½).
-    /// - `lens`: random numbers for the position on the lens, if it has a radius.
+    /// - `lens`: uniform random numbers in [0, 1) for the position on the lens, if it has a radius.
     #[inline(always)]
     pub fn ray(&self, place: Vec2, lens: [f32; 2]) -> CameraRay {
         self.ray_of_pixel(place, Vec2::ZERO, lens)
     }
 
-    /// Returns the ray through a position near the centre of a pixel, which decides on the eye of a stereo picture and the
-    /// face of a cube.
+    /// Returns the ray through a position near the centre of a pixel. The centre decides on the eye of a stereo picture
+    /// and on the face of a cube.
     ///
-    /// - `center`: position of the centre, see [`Self::ray`].
-    /// - `offset`: distance from there, in pixels.
+    /// - `center`: position of the centre, in pixels; see [`Self::ray`].
+    /// - `offset`: distance from there along x and y, in pixels.
+    /// - `lens`: uniform random numbers in [0, 1), as for [`Self::ray`].
     #[inline(always)]
     pub fn ray_of_pixel(&self, center: Vec2, offset: Vec2, lens: [f32; 2]) -> CameraRay {
         self.ray_from(&self.world_from_camera, center, offset, lens)
@@ -277,7 +280,8 @@ impl CameraRays {
     }
 }
 
-/// Returns true if devices can generate the rays of a camera.
+/// Returns true if devices can generate the rays of a camera: perspective, orthographic or a panorama other than a
+/// cube, with a round lens at most; not a system of lenses, a fisheye or a stereo camera.
 pub fn is_camera_for_devices(camera: &Camera) -> bool {
     let is_known = match camera.projection {
         Projection::Perspective { .. } | Projection::Orthographic { .. } => true,

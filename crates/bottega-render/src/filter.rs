@@ -44,7 +44,7 @@ fn value(filter: Filter, x: f64) -> f64 {
     }
 }
 
-/// Number of intervals of a table of quantiles.
+/// Number of intervals of a filter's table of quantiles.
 pub const INTERVALS: usize = 512;
 
 /// Quantiles of the absolute value of a filter of radius 1: offsets at probabilities i / INTERVALS. The density between
@@ -61,7 +61,7 @@ pub(crate) struct QuantileTable {
 static TENT: LazyLock<QuantileTable> = LazyLock::new(|| table(Filter::Tent { radius: 1.0 }));
 static BLACKMAN_HARRIS: LazyLock<QuantileTable> = LazyLock::new(|| table(Filter::BlackmanHarris { radius: 1.0 }));
 
-/// Samples offsets from a pixel's centre by the density of a filter.
+/// A sampler of offsets from a pixel's centre, by the density of a filter.
 #[derive(Clone, Debug)]
 pub struct FilterSampler {
     /// Radius in pixels.
@@ -101,8 +101,10 @@ impl FilterSampler {
         Self { radius, shape }
     }
 
-    /// Draws an offset from the pixel's centre, in pixels, from two random numbers in [0, 1); returns it with the weight
-    /// of the sample.
+    /// Draws an offset from the pixel's centre. Returns it along x and y, in pixels, with the weight of the sample,
+    /// which is negative where the filter is.
+    ///
+    /// - `u`: uniform random numbers in [0, 1).
     #[inline(always)]
     pub fn sample(&self, u: [f32; 2]) -> ([f32; 2], f32) {
         let table = match &self.shape {

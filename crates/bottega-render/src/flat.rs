@@ -42,7 +42,7 @@ pub mod constants {
 /// The layers that a device makes of a flat scene; error and sample count come with every picture.
 pub const LAYERS: [Aov; 5] = [Aov::Albedo, Aov::Normal, Aov::Depth, Aov::SampleCount, Aov::Error];
 
-/// A prepared scene as 32-bit words.
+/// A prepared scene as an array of 32-bit words, for a GPU.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlatScene {
     /// The words, in the layout of the [module](self).
@@ -53,7 +53,7 @@ pub struct FlatScene {
     pub has_opacity: bool,
 }
 
-/// A feature of a scene that its flat form does not support.
+/// A feature of a scene that its flat form does not support; its text is a noun phrase for display.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotFlat {
     /// Surfaces that are invisible to the camera from behind.
@@ -98,10 +98,10 @@ pub enum NotFlat {
 }
 
 impl FlatScene {
-    /// Writes a scene.
+    /// Writes a prepared scene as words.
     ///
     /// # Errors
-    /// All unsupported features of the scene.
+    /// Each feature of the scene that the flat form does not support.
     pub fn new(prepared: &PreparedScene) -> Result<Self, Vec<NotFlat>> {
         let mut missing = Vec::new();
         if prepared.culls_backs() {

@@ -218,7 +218,7 @@ impl SceneMotion {
         self.shutter.sample(u)
     }
 
-    /// Returns the transformation of an instance, if it moves.
+    /// Returns the transformation of an instance, if it moves; else `None`.
     #[inline(always)]
     pub(crate) fn instance(&self, index: u32) -> Option<&MovingTransform> {
         self.instances.get(index)
@@ -230,19 +230,19 @@ impl SceneMotion {
         self.meshes.get(mesh).is_some()
     }
 
-    /// Returns the transformation of a light without extent, from where the scene puts it, if it moves.
+    /// Returns the transformation of a light without extent, from where the scene puts it, if it moves; else `None`.
     pub(crate) fn light(&self, index: u32) -> Option<&MovingTransform> {
         self.lights.get(index)
     }
 
-    /// Returns the transformation of a camera, if it moves.
+    /// Returns the transformation of a camera, if it moves; else `None`.
     pub(crate) fn camera(&self, camera: &Camera) -> Option<MovingTransform> {
         let moving = transform_of(&self.shutter, &camera.motion)?;
         (!self.shutter.is_instant() && !moving.is_still()).then_some(moving)
     }
 
-    /// Returns positions and normals of a triangle's corners at a time, in object space, if the vertices of the mesh move.
-    /// Without vertex normals, the normals are 0.
+    /// Returns positions and normals of a triangle's corners at a time, in object space, if the vertices of the mesh
+    /// move. Without vertex normals, the normals are 0. Returns `None` if they stand still.
     pub(crate) fn corners(&self, scene: &Scene, mesh: u32, triangle: [u32; 3], time: f32) -> Option<[[Vec3; 3]; 2]> {
         let ChosenKeys { times, first } = self.meshes.get(mesh)?;
         let KeySpan { key, share } = KeySpan::find(times, time);
@@ -271,14 +271,14 @@ impl SceneMotion {
         Some(corners.fold(bottega_kernels::Aabb::EMPTY, |bounds, p| bounds.with(p)))
     }
 
-    /// Returns a sphere at a time, if it moves.
+    /// Returns a sphere at a time, if it moves; else `None`.
     pub(crate) fn sphere(&self, scene: &Scene, index: u32, time: f32) -> Option<Sphere> {
         let ChosenSphereKeys { times, keys } = self.spheres.get(index)?;
         let KeySpan { key, share } = KeySpan::find(times, time);
         Some(sphere_between(&scene.spheres[index as usize], &keys[key], &keys[key + 1], share))
     }
 
-    /// Returns the keys of a sphere that are seen, if it moves.
+    /// Returns the keys of a sphere that are seen, if it moves; else `None`.
     pub(crate) fn sphere_keys(&self, index: u32) -> Option<&[SphereKey]> {
         self.spheres.get(index).map(|chosen| &*chosen.keys)
     }

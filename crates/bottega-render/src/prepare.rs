@@ -25,7 +25,7 @@ use crate::{
     surfaces::{Surfaces, used_materials, visibilities},
 };
 
-/// Options of the preparation.
+/// The options for preparing a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PrepareOptions {
     /// Number of threads for building; 0: all of the machine. The result does not depend on it.
@@ -63,7 +63,8 @@ pub struct PreparedScene {
 }
 
 impl PreparedScene {
-    /// Prepares a scene: validates it, builds the acceleration structure and everything else.
+    /// Validates a scene, and builds its acceleration structure, its light tables and everything else that rendering
+    /// needs.
     ///
     /// # Errors
     /// The same as [`build_accel`].
@@ -72,9 +73,9 @@ impl PreparedScene {
         Ok(Self::with_accel(scene, accel, options))
     }
 
-    /// Prepares a scene whose acceleration structure exists.
+    /// Prepares a scene whose acceleration structure exists. The scene is not validated again.
     ///
-    /// - `accel`: result of [`build_accel`] for the same scene.
+    /// - `accel`: result of [`build_accel`] for the same scene, or for one of the same shapes.
     pub fn with_accel(scene: Arc<Scene>, accel: impl Into<Arc<Accel>>, options: &PrepareOptions) -> Self {
         let mut surfaces = Surfaces::new(scene);
         let scene = Arc::clone(surfaces.scene());
@@ -125,18 +126,18 @@ impl PreparedScene {
         self.identities.get_or_init(|| Identities::new(self.scene()))
     }
 
-    /// Returns the acceleration structure.
+    /// Returns the acceleration structure, which finds the hits of rays.
     #[inline(always)]
     pub fn accel(&self) -> &Accel {
         &self.accel
     }
 
-    /// Returns the acceleration structure for another scene of the same shapes.
+    /// Returns the acceleration structure for another scene of the same shapes; see [`Self::with_accel`].
     pub fn shared_accel(&self) -> Arc<Accel> {
         Arc::clone(&self.accel)
     }
 
-    /// Returns the scene as it was imported, shared.
+    /// Returns the scene as it was imported, shared; of what moves, as it is when the shutter opens.
     pub fn shared_scene(&self) -> Arc<Scene> {
         Arc::clone(self.surfaces.scene())
     }
@@ -151,7 +152,7 @@ impl PreparedScene {
         self.device_bytes.load(Ordering::Relaxed)
     }
 
-    /// Records the scene's memory on a device, in bytes.
+    /// Records the scene's memory on a device, in bytes. The greatest value is kept.
     pub fn note_device_bytes(&self, bytes: u64) {
         self.device_bytes.fetch_max(bytes, Ordering::Relaxed);
     }
@@ -230,8 +231,10 @@ impl PreparedScene {
         }
     }
 
-    /// Returns true if paths of a view can learn in a prepass: it has enough pixels and samples, no media, no
-    /// panes, no motion, and no part that is visible to some kinds of rays only.
+    /// Returns true if paths of a view can learn in a prepass: it has enough pixels and samples, no media, no panes, no
+    /// motion, and no part that is visible to some kinds of rays only.
+    ///
+    /// - `planned_samples`: samples per pixel planned for the picture.
     pub fn can_learn(&self, view: &View, planned_samples: u32) -> bool {
         /// Smallest number of pixels: fewer give too few paths to learn from, and a poor guide adds noise.
         const PIXELS_MIN: u64 = 128 * 128;
@@ -281,7 +284,7 @@ impl<'a> SceneGeometry<'a> {
 /// Validates a scene and builds its acceleration structure, which takes most of the preparation of large scenes.
 ///
 /// # Errors
-/// [`Scene::validate`] finds a fault, or the geometry cannot be built.
+/// [`RenderError::UnsoundScene`], [`RenderError::Accel`].
 pub fn build_accel(scene: &Scene, options: &PrepareOptions) -> Result<Accel, RenderError> {
     scene.validate().map_err(|error| RenderError::UnsoundScene(Box::new(error)))?;
     let build = BuildOptions { threads: options.threads, ..BuildOptions::default() };

@@ -56,7 +56,8 @@ impl Prepass {
         self.photons.passes(self.photon_plan(prepared, view), photons, seed, pass_count)
     }
 
-    /// Returns statistics of the lighting agents of a picture and of the requests so far; `None` without agents.
+    /// Returns statistics of the lighting agents of a picture and of their answers so far; `None`: the settings have no
+    /// agents, or none are cast yet.
     pub fn lighting_agents(
         &self,
         prepared: &PreparedScene,
@@ -70,7 +71,7 @@ impl Prepass {
         Some(AgentReport { caustics_seen: passes.plan().shares_seen(), ..report })
     }
 
-    /// Returns the memory of the photon maps of a picture, in bytes.
+    /// Returns the memory of the photon maps and agents of a picture that exist so far, in bytes.
     pub fn map_bytes(&self, prepared: &PreparedScene, view: &View, photons: PhotonSettings, seed: u64) -> MapBytes {
         self.passes(prepared, view, photons, seed, 1).bytes()
     }
@@ -86,8 +87,8 @@ impl Prepass {
         self.guide_place(guide_key(view, settings)).get().is_some()
     }
 
-    /// Serializes the data learnt for a view and settings, for other machines that render the same; `None`: nothing is
-    /// learnt yet.
+    /// Returns the data learnt for a view and settings as bytes, for other machines that render the same picture;
+    /// `None`: nothing is learnt yet, or the picture is progressive.
     pub fn learnt(&self, prepared: &PreparedScene, view: &View, settings: &PathSettings) -> Option<Vec<u8>> {
         match settings.photons {
             None => Some(self.guide_place(guide_key(view, settings)).get()?.to_bytes()),
@@ -95,8 +96,8 @@ impl Prepass {
         }
     }
 
-    /// Takes data that another machine has [learnt](Self::learnt) for the same view of the same scene, with the same
-    /// version of this program. Existing data is kept.
+    /// Takes data that another machine has [learnt](Self::learnt) for the same view and settings of the same scene,
+    /// with the same version of this program. Existing data is kept.
     ///
     /// # Errors
     /// The bytes are not such data.

@@ -19,7 +19,7 @@ pub type Quad = [f32; 4];
 pub struct DimensionSet(u32);
 
 impl DimensionSet {
-    /// The camera: position in the pixel (2), position on the lens (2).
+    /// The dimensions of the camera ray: position in the pixel (2), position on the lens (2).
     pub const CAMERA: Self = Self(0);
 
     /// The time of the path (1), spare (3). Beyond all other sets.
@@ -80,7 +80,7 @@ pub struct PixelSampler {
 }
 
 impl PixelSampler {
-    /// Creates the sampler of sample `sample_index` of the pixel (x, y) of the picture.
+    /// Creates the sampler of sample `sample_index` of the pixel (x, y) of the whole picture.
     #[inline(always)]
     pub fn new(seed: u64, x: u32, y: u32, sample_index: u32) -> Self {
         let pixel = u64::from(x) | u64::from(y) << 32;
@@ -94,13 +94,13 @@ impl PixelSampler {
         Self { pixel_key: mix64(self.pixel_key ^ mix64(key ^ BRANCH)), ..*self }
     }
 
-    /// Returns the four numbers of a dimension set.
+    /// Returns the four numbers of a dimension set, each in [0, 1).
     #[inline(always)]
     pub fn quad(&self, set: DimensionSet) -> Quad {
         self.scrambled_point(set, self.reversed_index)
     }
 
-    /// Returns the numbers of two sets, at little more than the cost of one.
+    /// Returns the numbers of two dimension sets, at little more than the cost of one.
     #[inline(always)]
     pub fn two_quads(&self, first: DimensionSet, second: DimensionSet) -> [Quad; 2] {
         let (p, j) = self.point(first, self.reversed_index);
@@ -111,8 +111,10 @@ impl PixelSampler {
         [[all[0], all[1], all[2], all[3]], [all[4], all[5], all[6], all[7]]]
     }
 
-    /// Returns the numbers of part `part` of `part_count`, if this sample is split in that set. The parts of all samples
-    /// form one sequence, so they are stratified against each other as well.
+    /// Returns the numbers of one part of this sample, if it is split in that set. The parts of all samples form one
+    /// sequence, so they are stratified against each other as well.
+    ///
+    /// - `part`: number of the part, below `part_count`.
     #[inline(always)]
     pub fn split_quad(&self, set: DimensionSet, part: u32, part_count: u32) -> Quad {
         debug_assert!(part < part_count);
@@ -131,8 +133,8 @@ impl PixelSampler {
         glam::Vec2::new(x, y)
     }
 
-    /// Returns a hash of sample and `key` in [0, 1), for decisions without a dimension, such as the opacity of a
-    /// half-transparent surface.
+    /// Returns a random number in [0, 1), a hash of the sample and `key`, for decisions without a dimension, such as
+    /// the opacity of a half-transparent surface.
     #[inline(always)]
     pub fn hashed(&self, key: u64) -> f32 {
         let bits = mix64(mix64(self.pixel_key ^ key) ^ u64::from(self.sample_index));
@@ -155,7 +157,7 @@ impl PixelSampler {
     }
 }
 
-/// Returns the hash of a seed that all pixels share.
+/// Returns the hash of a seed, from which the keys of all pixels are derived.
 pub fn mixed_seed(seed: u64) -> u64 {
     mix64(seed)
 }

@@ -23,6 +23,7 @@ impl View {
     /// Returns the view of a camera of the scene.
     ///
     /// - `index`: index into [`Scene::cameras`].
+    /// - `width`, `height`: size of the whole picture in pixels.
     ///
     /// # Errors
     /// [`RenderError::NoCamera`].
@@ -32,7 +33,7 @@ impl View {
         Ok(Self { camera: Arc::new(camera.clone()), width, height })
     }
 
-    /// Returns the same view in another size.
+    /// Returns the view of the same camera in another size, in pixels.
     #[must_use]
     pub fn sized(&self, width: u32, height: u32) -> Self {
         Self { camera: Arc::clone(&self.camera), width, height }
@@ -44,7 +45,8 @@ impl View {
     }
 }
 
-/// The strategies that find direct light. All have the same mean, so the single ones serve to test the combination.
+/// The strategies that find direct light. All have the same mean where none of them misses light, so the single ones
+/// serve to test the combination.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum DirectLight {
     /// Light sampling and BSDF sampling, combined by the power heuristic (Veach 1997, §9.2.4).
@@ -56,7 +58,7 @@ pub enum DirectLight {
     BsdfSampling,
 }
 
-/// The uses of lighting agents in path tracing.
+/// The uses of what lighting agents learn, in path tracing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct AgentUse {
     /// `true`: the agents' knowledge of visibility saves shadow rays.
@@ -68,7 +70,7 @@ pub struct AgentUse {
 }
 
 impl AgentUse {
-    /// All uses of agents' knowledge.
+    /// All uses enabled.
     pub const ALL: Self = Self { shadows: true, lights: true, roulette: true };
 
     /// Returns true if any use is enabled.
@@ -77,7 +79,7 @@ impl AgentUse {
     }
 }
 
-/// The settings of the path integrator.
+/// The settings of a picture's light transport: path tracing, or photon mapping if [`Self::photons`] is set.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathSettings {
     /// Seed of the random numbers; the mean does not depend on it.
@@ -105,7 +107,7 @@ pub struct PathSettings {
     pub photons: Option<PhotonSettings>,
 }
 
-/// The settings of photon mapping.
+/// The settings of photon mapping: photons, final gathering, caches and lighting agents.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhotonSettings {
     /// Number of photons emitted, in each pass for a progressive picture. 0: direct light only.
@@ -146,7 +148,7 @@ pub struct PhotonSettings {
     pub agents: Option<AgentSettings>,
 }
 
-/// The settings of Autonomous Lighting Agents.
+/// The settings of Autonomous Lighting Agents: their number, their rules, and what they decide.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AgentSettings {
     /// Number of agents cast from all lights together, not counting their clones behind surfaces.
@@ -193,10 +195,10 @@ impl AgentSettings {
     }
 }
 
-/// The rules by which agents answer.
+/// The rules by which lighting agents answer, or decline to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Oracle {
-    /// The expected error.
+    /// Agents answer where the expected error of the answer is small.
     #[default]
     Error,
     /// The rules of Herubel, Biri and Deverly 2009, *Autonomous Lighting Agents in Photon Mapping*.

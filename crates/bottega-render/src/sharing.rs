@@ -15,17 +15,19 @@ const SHARED_MIN: usize = 32;
 /// Largest number of parts of a stage.
 const PARTS_MAX: usize = 32;
 
-/// Machines that render the same picture of the same scene, with the same version of this program.
+/// The machines that render the same picture of the same scene, with the same version of this program, and share the
+/// work of its prepass.
 pub trait Sharing: Send + Sync {
-    /// Performs the parts of a stage, each on one of the participants, and waits for all of them. Returns the results of all
-    /// parts, in order.
+    /// Performs the parts of a stage, each on one of the participants, and waits for all of them. Returns the results
+    /// of all parts, in order.
     ///
     /// - `stage`: number of the stage. All participants run the same stages in the same order, with equal numbers of
     ///   parts.
-    /// - `perform`: performs one part locally. Its result depends on stage and part alone.
+    /// - `parts`: number of parts of the stage.
+    /// - `perform`: performs one part locally, by its number from 0. Its result depends on stage and part alone.
     ///
     /// # Errors
-    /// Errors of `perform`; [`RenderError::Left`].
+    /// Errors of `perform`; [`RenderError::Left`] if the shared work was abandoned.
     fn share(
         &self,
         stage: u32,

@@ -32,27 +32,29 @@ const CLAY: u32 = 1;
 const GLASS: u32 = 2;
 const LAMP: u32 = 3;
 
-/// A small benchmark picture of balls, half of them glass, on uneven ground.
+/// A small benchmark picture of balls, half of them glass, on uneven ground: the time to render it measures the speed
+/// of path tracing.
 pub struct SpeedProbe {
     scene: PreparedScene,
     settings: PathSettings,
 }
 
 impl SpeedProbe {
-    /// Prepares the scene.
+    /// Prepares the scene of the benchmark.
     ///
     /// # Errors
-    /// The acceleration structure cannot be built.
+    /// [`RenderError::Accel`]: the acceleration structure cannot be built.
     pub fn new() -> Result<Self, RenderError> {
         let settings =
             PathSettings { max_depth: MAX_DEPTH, filter: Filter::PIXEL, guiding: false, ..PathSettings::default() };
         Ok(Self { scene: PreparedScene::new(Arc::new(scene()), &PrepareOptions::default())?, settings })
     }
 
-    /// Renders the picture on the calling thread, about ten thousand paths. Returns the mean luminance.
+    /// Renders the picture on the calling thread, about ten thousand paths. Returns the mean luminance, the same each
+    /// time.
     ///
     /// # Errors
-    /// Those of rendering any picture; none are expected.
+    /// Those of [`View::of_scene`] and of rendering; the scene of the benchmark causes none.
     pub fn paint(&self) -> Result<f32, RenderError> {
         let view = View::of_scene(self.scene.scene(), 0, SIDE, SIDE)?;
         let pixels = probe(&self.scene, &view, &self.settings, Rect::of_size(SIDE, SIDE), SAMPLES)?;

@@ -88,7 +88,7 @@ impl Surfaces {
         }
     }
 
-    /// Returns a sphere at a time, if it moves.
+    /// Returns a sphere at a time, if it moves; else `None`.
     #[inline(always)]
     pub(crate) fn moved_sphere(&self, index: u32, time: f32) -> Option<Sphere> {
         self.motion.sphere(&self.scene, index, time)

@@ -47,7 +47,7 @@ const PROBE_DEPTH_MAX: u32 = 16;
 /// Side of a probe's block in pixels.
 const PROBE_SIDE: u32 = 16;
 
-/// A low-resolution look at the scene.
+/// The cost and the colour of each pixel of a picture at low resolution, from a few paths per pixel.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Survey {
     /// Number of columns.
@@ -60,15 +60,16 @@ pub struct Survey {
     pub zones_max: Option<u32>,
 }
 
-/// Surveys the picture `view`, which should be small: about 128 columns are enough.
+/// Surveys the picture `view`, which should be small: about 128 columns are enough. Returns its pixels, without a limit
+/// of zones.
 ///
 /// - `max_depth`: largest number of bounces of the final picture.
+/// - `client`: does all heavy work, and must not be used by others meanwhile.
 ///
-/// All heavy work goes through `client`, which must not be used by others meanwhile. The result depends on the scene, the
-/// view and the depth alone.
+/// The result depends on the scene, the view and the depth alone.
 ///
 /// # Errors
-/// The scene has no such camera, the view has no pixels, or the allocator does not do the work.
+/// [`RenderError::EmptyPicture`], or the allocator does not do the work.
 pub fn survey(
     scene: &Arc<PreparedScene>,
     view: &View,

@@ -32,10 +32,10 @@ pub struct WaveWork {
 }
 
 impl WaveWork {
-    /// Shades on the calling thread, and returns the wave with its next rays.
+    /// Shades on the calling thread. Returns the wave with its next rays.
     ///
     /// # Errors
-    /// The picture cannot be rendered.
+    /// [`RenderError::EmptyPicture`].
     pub fn perform(self) -> Result<Wave, RenderError> {
         let Self { scene, prepass, view, settings, layout, mut wave, answers } = self;
         let wanted = Wanted { cost: false, ..Wanted::by(&layout) };
@@ -49,7 +49,10 @@ impl WaveWork {
 }
 
 impl Wave {
-    /// Creates the paths for all samples of a block of pixels.
+    /// Returns the paths for all samples of a block of pixels; they have not started.
+    ///
+    /// - `rect`: the block, in pixels of the whole picture.
+    /// - `samples`: indices of the samples of each pixel.
     pub fn of_block(rect: Rect, samples: &Range<u32>) -> Self {
         let pixels = rect.pixels().flat_map(|(x, y)| samples.clone().map(move |sample| (x, y, sample)));
         Self::new(pixels.collect())
@@ -57,6 +60,8 @@ impl Wave {
 
     /// Adds the finished samples to the sums of their pixels, in the order of samples within each pixel. Returns the
     /// number of samples whose radiance was not finite and counted as 0.
+    ///
+    /// - `tile`: contains the pixels of the wave.
     pub fn add_to(&self, tile: &mut Tile) -> u64 {
         let mut dropped_count = 0;
         for (&(x, y, _), record) in self.samples().iter().zip(self.records()) {
@@ -69,7 +74,7 @@ impl Wave {
         dropped_count
     }
 
-    /// Returns the reason if wavefront rendering does not support a picture, else `None`.
+    /// Returns the reason why wavefront rendering does not support a picture, as a clause for display; `None`: it does.
     pub fn refusal(
         prepared: &PreparedScene,
         view: &View,

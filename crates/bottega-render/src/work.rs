@@ -125,7 +125,8 @@ pub struct BlockOutput {
 }
 
 impl RenderWork {
-    /// Performs the work on the calling thread.
+    /// Performs the work on the calling thread. Returns the output of the corresponding kind, or
+    /// [`RenderOutput::Refused`] if it failed.
     pub fn perform(self) -> RenderOutput {
         match self {
             Self::Rays { scene, rays } => {
@@ -175,11 +176,11 @@ impl RenderWork {
 }
 
 impl BlockWork {
-    /// Adds the samples on the calling thread. Each pixel is a left fold over its samples in the order of their indices,
-    /// so any division into ranges gives the same bits.
+    /// Adds the samples on the calling thread. Each pixel is a left fold over its samples in the order of their
+    /// indices, so any division into ranges gives the same bits.
     ///
     /// # Errors
-    /// The scene has no such camera, the view has no pixels, or the integrator does not support the scene.
+    /// [`RenderError::EmptyPicture`]; with photons, [`RenderError::PhotonsInMedia`].
     pub fn perform(self) -> Result<BlockOutput, RenderError> {
         let Self { scene, prepass, view, settings, mut tile, samples, light_groups } = self;
         let layout = tile.layout();

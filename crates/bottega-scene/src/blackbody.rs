@@ -20,7 +20,7 @@ const STEFAN_BOLTZMANN: f64 = 5.670_374_419e-8;
 /// In Cycles, colors of bodies below this temperature in kelvin are those at it.
 const KELVIN_RED: f64 = 800.0;
 
-/// Temperatures in space, and the radiance that they stand for.
+/// The emission of a medium by temperature: a grid of temperatures, and the color of a black body at each temperature.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Blackbody {
     /// Values of the grid; the temperature in kelvin is (value − `offset`) · `scale`.
@@ -36,8 +36,10 @@ pub struct Blackbody {
 }
 
 impl Blackbody {
-    /// Makes the emission of black bodies whose spectral radiance is 1 at its peak, whatever the temperature, as in pbrt.
+    /// Returns the emission of black bodies whose spectral radiance is 1 at its peak, whatever the temperature, as in
+    /// pbrt. It is proportional to absorption.
     ///
+    /// - `temperatures`, `scale`, `offset`: see the fields of this struct.
     /// - `convert`: applied to the linear Rec. 709 color of each temperature.
     pub fn of_equal_peaks(temperatures: Grid, scale: f32, offset: f32, convert: impl Fn(Spectrum) -> Spectrum) -> Self {
         let color = |kelvin: f64| {
@@ -47,8 +49,10 @@ impl Blackbody {
         Self { temperatures, scale, offset, times_density: true, colors: table(color) }
     }
 
-    /// Makes the emission of Cycles' *Principled Volume* with a blackbody intensity of 1: a luminance of σ/π · 1e-6 · T⁴ per
-    /// scene unit, by the law of Stefan and Boltzmann, whatever the density.
+    /// Returns the emission of Cycles' *Principled Volume* with a blackbody intensity of 1: a luminance of σ/π · 1e-6 ·
+    /// T⁴ per scene unit, by the law of Stefan and Boltzmann, whatever the density.
+    ///
+    /// - `temperatures`, `scale`, `offset`: see the fields of this struct.
     pub fn of_power(temperatures: Grid, scale: f32, offset: f32) -> Self {
         let color = |kelvin: f64| {
             let power = STEFAN_BOLTZMANN / std::f64::consts::PI * 1e-6 * kelvin.powi(4);
@@ -57,12 +61,14 @@ impl Blackbody {
         Self { temperatures, scale, offset, times_density: false, colors: table(color) }
     }
 
-    /// Returns the color at point `p` of the grid's unit cube.
+    /// Returns the linear Rec. 709 color of the temperature at point `p` of the grid's unit cube, interpolated as
+    /// [`Grid::at`] does.
     pub fn at(&self, p: glam::Vec3) -> Spectrum {
         self.color((self.temperatures.at(p).x - self.offset) * self.scale)
     }
 
-    /// Returns the color of a temperature in kelvin.
+    /// Returns the linear Rec. 709 color of a temperature in kelvin: black up to 100 K and for NaN; above 100,000 K,
+    /// the color at that temperature.
     pub fn color(&self, kelvin: f32) -> Spectrum {
         if kelvin.is_nan() || kelvin <= KELVIN_MIN {
             return Spectrum::ZERO;

@@ -7,7 +7,7 @@ use crate::lenses::LensSystem;
 use crate::medium::MediumId;
 use crate::motion::TransformKey;
 
-/// The projection of a camera.
+/// The projection of a camera: the law that maps directions or positions in front of it to places on the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Projection {
@@ -36,7 +36,8 @@ pub enum Projection {
     Panorama(Panorama),
 }
 
-/// The law of a fisheye: the distance from the centre of its circle, for an angle θ to the axis.
+/// The law of a fisheye: the distance of a direction from the centre of the fisheye's circle, for an angle θ between
+/// direction and axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FisheyeMapping {
@@ -61,10 +62,10 @@ pub enum Panorama {
     Cube,
 }
 
-/// The maximum number of blades of an aperture.
+/// The maximum of [`Aperture::blades`].
 pub const BLADES_MAX: u32 = 1000;
 
-/// The shape of a lens's opening, which is that of highlights out of focus. It lies within the circle of the lens's
+/// The shape of a lens's opening, which highlights out of focus take on. It lies within the circle of the lens's
 /// radius, before it is stretched.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Aperture {
@@ -96,7 +97,7 @@ pub struct Stereo {
     pub convergence: f32,
 }
 
-/// The places of the pictures of [`Stereo`].
+/// The places of both eyes' pictures within a stereo picture, or the single eye that it shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StereoLayout {
@@ -142,7 +143,7 @@ impl FovAxis {
     }
 }
 
-/// A camera. It looks along its own −z, +y is up and +x to the right.
+/// A camera: position, projection, lens and film. It looks along its own −z; +y is up and +x to the right.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
     /// The name in the file; may be empty.

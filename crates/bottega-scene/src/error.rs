@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use bottega_image::{printable, printable_path};
 
 /// An error of loading a scene. `place` is a location within the file: a path through its JSON such as
-/// `meshes[3].primitives[0].attributes.POSITION`.
+/// `meshes[3].primitives[0].attributes.POSITION`, or empty.
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
     /// The operating system cannot read a file.
@@ -218,7 +218,8 @@ fn at(place: &str) -> String {
 #[error("{0}")]
 pub(crate) struct Violation(pub(crate) Cow<'static, str>);
 
-/// Something that the user should know although the scene was read. Text from the file is escaped for terminals.
+/// A finding about a scene that could still be read: a guess, an omission or a replacement. Text from the file is
+/// escaped for terminals.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Warning {
     /// Location in the file; may be empty.

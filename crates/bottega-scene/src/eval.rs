@@ -8,7 +8,7 @@ use crate::model::Scene;
 use crate::param::{ColorParam, ScalarParam};
 use crate::texture::{Mapping, SURFACE_UV_SETS, TextureMap};
 
-/// A source of texture coordinates at a point.
+/// A source of the texture coordinates of one point: those of the surface, or those computed from its position.
 pub trait Uvs: Copy {
     /// Returns the texture coordinates for a map, and the width of its lookup in their units.
     ///
@@ -26,6 +26,10 @@ impl Uvs for [Vec2; 2] {
 
 impl TextureMap {
     /// Returns the mapping that computes the texture coordinates from world positions; `None`: the surface has them.
+    ///
+    /// # Panics
+    ///
+    /// If the mapping is not in the scene, which [`Scene::validate`] excludes.
     #[inline(always)]
     pub fn mapping<'a>(&self, scene: &'a Scene) -> Option<&'a Mapping> {
         let index = self.uv_set.checked_sub(SURFACE_UV_SETS)?;
@@ -34,7 +38,10 @@ impl TextureMap {
 }
 
 impl ColorParam {
-    /// Returns the colour at a point; `footprint` as for [`Image::eval`](crate::Image::eval).
+    /// Returns the colour at a point of a surface: the factor times RGB of the texture.
+    ///
+    /// - `uvs`: texture coordinates of the point.
+    /// - `footprint`: width of the lookup in units of these coordinates; 0: the finest level.
     ///
     /// # Panics
     ///
@@ -48,7 +55,8 @@ impl ColorParam {
 }
 
 impl ScalarParam {
-    /// Returns the number at a point; see [`ColorParam::eval`].
+    /// Returns the number at a point of a surface: the factor times one channel of the texture. Arguments and panics
+    /// are those of [`ColorParam::eval`].
     pub fn eval(&self, scene: &Scene, uvs: impl Uvs, footprint: f32) -> f32 {
         match &self.texture {
             None => self.factor,
@@ -67,6 +75,10 @@ impl Material {
     ///
     /// - `vertex_alpha`: interpolated from [`Mesh::colors`](crate::Mesh::colors); 1 without vertex colours.
     /// - `uvs`, `footprint`: as for [`ColorParam::eval`].
+    ///
+    /// # Panics
+    ///
+    /// If the texture's image is not in the scene, which [`Scene::validate`] excludes.
     pub fn opacity_at(&self, scene: &Scene, uvs: impl Uvs, footprint: f32, vertex_alpha: f32) -> f32 {
         let alpha = || vertex_alpha * self.opacity.eval(scene, uvs, footprint);
         match self.alpha_mode {

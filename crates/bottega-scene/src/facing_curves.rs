@@ -44,7 +44,8 @@ pub struct CurvePoint {
     pub is_last: bool,
 }
 
-/// Curves whose hull is a mesh.
+/// Curves inside a mesh whose triangles are only the hull around them: a ray that hits a triangle is tested against the
+/// curve by [`Self::meet`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct FacingCurves {
     /// The shape of all curves.
@@ -73,10 +74,15 @@ pub struct CurveMeeting {
 }
 
 impl FacingCurves {
-    /// Intersects a ray that hit a triangle of the hull with the curve inside; `None`: a miss.
+    /// Intersects a ray that hit a triangle of the hull with the curve inside; `None`: the ray misses it.
     ///
-    /// - `origin`, `direction`: object space, the direction of any length.
+    /// - `triangle`: index of the triangle in the mesh.
+    /// - `origin`, `direction`: the ray in object space; the direction is of any length.
     /// - `t_hull`: distance to the triangle; `t_max`: end of the ray, both in lengths of the direction.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such triangle.
     pub fn meet(
         &self,
         triangle: usize,
@@ -144,7 +150,8 @@ impl FacingCurves {
         None
     }
 
-    /// Offset of a ray that leaves a flat curve, to start outside of the hull; in half widths.
+    /// The offset at which a ray that leaves a flat curve starts, so that it is outside of the hull; in half widths of
+    /// the curve.
     pub const CLEARANCE: f32 = 1.05 * HULL;
 
     /// Appends other curves; the caller appends their hull to the mesh.
@@ -187,7 +194,8 @@ impl FacingCurves {
     }
 }
 
-/// Transforms a ray to object space. Distances along it keep their values.
+/// Returns the origin and the direction of a world-space ray in object space. The direction is not normalized, so
+/// distances along the ray keep their values.
 pub fn ray_in_object(world_from_object: &Affine3A, origin: Vec3, direction: Vec3) -> (Vec3, Vec3) {
     if *world_from_object == Affine3A::IDENTITY {
         return (origin, direction);

@@ -27,9 +27,10 @@ impl Camera {
         Self::framing_from(THREE_QUARTER, bounds, aspect)
     }
 
-    /// Returns a camera that sees a box from a given side; see [`framing`](Self::framing).
+    /// Returns a camera that sees a box from a given side, as close as possible with all of it in view.
     ///
     /// - `toward_camera`: direction from the box to the camera, of any length but 0.
+    /// - `bounds`, `aspect`: as for [`framing`](Self::framing).
     pub fn framing_from(toward_camera: Vec3, bounds: (Vec3, Vec3), aspect: f32) -> Self {
         frame(toward_camera, bounds, corners(bounds), aspect)
     }

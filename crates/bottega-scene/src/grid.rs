@@ -13,7 +13,7 @@ pub use self::error::GridError;
 use crate::color::Spectrum;
 use crate::values::VALUE_MAX;
 
-/// Values in the cells of a regular grid that fills the unit cube. All are finite and at least 0.
+/// Numbers or colours in the cells of a regular grid that fills the unit cube. All values are finite and at least 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
     /// GridCells along x, y and z.
@@ -52,11 +52,11 @@ pub enum Blend {
 pub(crate) const GRID_SIDE_MAX: u32 = 1 << 16;
 
 impl Grid {
-    /// Makes a grid of colours, or of numbers if there is one value per cell. Values that are negative or not finite
-    /// become 0, those above [`VALUE_MAX`](VALUE_MAX) become that.
+    /// Returns a grid of colours, or of numbers if there is one value per cell. Values that are negative or not finite
+    /// become 0; those above [`VALUE_MAX`](VALUE_MAX) become [`VALUE_MAX`](VALUE_MAX).
     ///
-    /// - `size`: cells along x, y and z, at most 65536 each.
-    /// - `values`: one or three per cell; x runs fastest.
+    /// - `size`: cells along x, y and z, 1 to 65536 each.
+    /// - `values`: one or three per cell; cells along x first, then y, then z.
     ///
     /// # Errors
     /// The size is 0 or too large, or the number of values does not match it.
@@ -98,7 +98,7 @@ impl Grid {
         Ok(Self { size, cells: GridCells::Bricks(Arc::new(Bricks::new(size, channels, table, values)?)), blend })
     }
 
-    /// Returns a grid of one cell with value 1.
+    /// Returns a grid of one cell with the number 1.
     pub fn one() -> Self {
         Self { size: [1; 3], cells: GridCells::Dense { channels: 1, values: vec![1.0] }, blend: Blend::Nearest }
     }
@@ -134,7 +134,8 @@ impl Grid {
         }
     }
 
-    /// Returns the value at a point of the unit cube; 0 outside.
+    /// Returns the value at a point of the unit cube, interpolated by the grid's [`Blend`]; 0 outside. A grid of
+    /// numbers has the number in all channels.
     pub fn at(&self, p: Vec3) -> Spectrum {
         if !(p.cmpge(Vec3::ZERO) & p.cmple(Vec3::ONE)).all() {
             return Spectrum::ZERO;
@@ -160,7 +161,8 @@ impl Grid {
         along_y(0).lerp(along_y(4), t.z)
     }
 
-    /// Returns an upper bound of the values between two corners within the unit cube, per channel.
+    /// Returns an upper bound of the values in the box between two corners within the unit cube, the least and the
+    /// greatest one, per channel.
     pub fn max_within(&self, [low, high]: [Vec3; 2]) -> Spectrum {
         let size = UVec3::from_array(self.size).as_vec3();
         // Include all cells that a lookup may reach, also by rounding.
@@ -189,7 +191,7 @@ impl Grid {
         most
     }
 
-    /// Returns the mean of all cells.
+    /// Returns the mean of all cells, per channel.
     pub fn mean(&self) -> Spectrum {
         let sum = match &self.cells {
             GridCells::Dense { channels, values } => {

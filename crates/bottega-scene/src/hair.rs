@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::param::{ColorParam, ScalarParam};
 
-/// Absorption within a fibre.
+/// The absorption of light within a fibre, by one of three parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Pigment {
@@ -34,7 +34,8 @@ pub enum Strand {
     AlongV,
 }
 
-/// Hair and fur (Chiang et al. 2016, A Practical and Controllable Hair and Fur Model for Production Path Tracing).
+/// The scattering of fibres of hair or fur (Chiang et al. 2016, A Practical and Controllable Hair and Fur Model for
+/// Production Path Tracing).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Hair {
     /// Absorption within a fibre.

@@ -30,8 +30,8 @@ pub struct RenderHints {
     pub is_sky_added: bool,
 }
 
-/// A separable pixel filter. Radii are in pixels, from the centre to the edge. Workers with other engines report their
-/// filter in this format.
+/// A separable pixel reconstruction filter. Radii are in pixels, from the centre to the edge. Workers with other
+/// engines report their filter in this format.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum FilmFilter {
@@ -79,7 +79,7 @@ impl FilmFilter {
         }
     }
 
-    /// A box of one pixel.
+    /// The filter that covers one pixel evenly: a box with a radius of half a pixel.
     pub const PIXEL: Self = Self::Box { radius: 0.5 };
 }
 
@@ -90,7 +90,7 @@ impl Default for FilmFilter {
     }
 }
 
-/// Metadata of a scene file.
+/// Facts about a scene file: its format, and the program that wrote it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Metadata {
     /// Name of the format.

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The integrator that a file names.
+/// The integrator that a file names, and the light paths that it follows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IntegratorHint {
     /// Name in the file.
@@ -13,7 +13,7 @@ pub struct IntegratorHint {
     pub follows: TransportPaths,
 }
 
-/// The transport paths of an integrator, which select an integrator of ours.
+/// The kinds of light path that an integrator follows; the kind selects one of Bottega's integrators.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TransportPaths {

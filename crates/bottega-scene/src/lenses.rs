@@ -13,10 +13,10 @@ use serde::{Deserialize, Serialize};
 
 use self::pupil::Pupils;
 
-/// The maximum number of surfaces of a system.
+/// The maximum number of surfaces of a [`LensSystem`].
 pub const LENS_SURFACES_MAX: usize = 256;
 
-/// A surface of revolution about the axis, or a stop.
+/// A spherical surface of a lens, centred on the optical axis, or a stop.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LensSurface {
@@ -30,7 +30,7 @@ pub struct LensSurface {
     pub aperture_radius: f32,
 }
 
-/// The surfaces of a system, and its film.
+/// The description of a system of lenses: its surfaces, and its film.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LensDescription {
@@ -44,7 +44,7 @@ pub struct LensDescription {
     pub focus_distance: Option<f32>,
 }
 
-/// An invalid system of lenses.
+/// The reason why a [`LensDescription`] cannot become a [`LensSystem`].
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum LensError {
     /// No surfaces, or too many.
@@ -123,7 +123,8 @@ impl LensDescription {
         Ok(surfaces)
     }
 
-    /// Returns the focal length in scene units; below 0 if the system spreads light.
+    /// Returns the focal length in scene units: below 0 if the system spreads light, infinite if it does not bend
+    /// light. The surfaces are not checked.
     pub fn focal_length(&self) -> f32 {
         (-1.0 / self.paraxial().c) as f32
     }
@@ -148,7 +149,7 @@ impl LensDescription {
     }
 }
 
-/// A system of lenses in focus, ready to trace rays.
+/// A system of lenses in focus, ready to trace rays from its film. Clones share the prepared data.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(try_from = "LensDescription", into = "LensDescription")]
 pub struct LensSystem(Arc<PreparedLenses>);
@@ -174,10 +175,11 @@ pub struct LensRay {
 }
 
 impl LensSystem {
-    /// Prepares a system: finds the part of the last surface that each place of the film sees the scene through.
+    /// Prepares a system: moves the film into focus, and finds the part of the last surface through which each place of
+    /// the film sees the scene.
     ///
     /// # Errors
-    /// The system is invalid, or lets no light through.
+    /// A number is out of range, the plane cannot be in focus, or no light passes through the lenses.
     pub fn new(description: LensDescription) -> Result<Self, LensError> {
         description.check()?;
         let surfaces = description.focused()?;
@@ -185,8 +187,8 @@ impl LensSystem {
         Ok(Self(Arc::new(PreparedLenses { description, surfaces, pupils })))
     }
 
-    /// Returns the distance of the film from the lens of a camera without thickness that has the same angle of view: that
-    /// from the rear principal plane.
+    /// Returns the distance of the film from the rear principal plane, in scene units: that of the film from a lens
+    /// without thickness that has the same angle of view.
     pub fn image_distance(&self) -> f32 {
         let ParaxialMatrix { a, c, .. } = self.0.description.paraxial();
         let film = self.0.surfaces.last().map_or(0.0, |last| last.thickness);
@@ -194,15 +196,15 @@ impl LensSystem {
         if c == 0.0 { film } else { film - ((1.0 - a) / c) as f32 }
     }
 
-    /// Returns the surfaces and the film.
+    /// Returns the description from which the system was made.
     pub fn description(&self) -> &LensDescription {
         &self.0.description
     }
 
-    /// Traces a ray from the film. `None`: the lenses block it.
+    /// Traces a ray from the film through the lenses. `None`: they block it.
     ///
-    /// - `film`: position on the film, in scene units.
-    /// - `numbers`: uniform random numbers for the place on the last surface.
+    /// - `film`: x and y of a position on the film, camera space, in scene units; the axis is at 0.
+    /// - `numbers`: uniform random numbers in [0, 1) for the place on the last surface.
     pub fn ray(&self, film: Vec2, numbers: [f32; 2]) -> Option<LensRay> {
         let PreparedLenses { surfaces, pupils, .. } = &*self.0;
         let (rear, area) = pupils.sample(film, numbers);

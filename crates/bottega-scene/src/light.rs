@@ -8,7 +8,7 @@ use crate::motion::TransformKey;
 use crate::texture::{ImageId, TextureMap};
 use crate::visibility::Visibility;
 
-/// A light without extent.
+/// A light without extent, or at infinity.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Light {
     /// The name in the file; may be empty.
@@ -140,7 +140,7 @@ pub struct Portal {
     pub edges: [Vec3; 2],
 }
 
-/// The environment: radiance along rays that leave the scene.
+/// The environment: radiance along rays that leave the scene, from a picture or constant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Environment {
     /// The picture; `None`: 1 in all directions.
@@ -161,14 +161,15 @@ pub struct Environment {
 }
 
 impl Light {
-    /// Returns a light that every kind of ray finds.
+    /// Returns a light that stands still and reaches every kind of ray.
     pub fn new(name: impl Into<String>, kind: LightKind) -> Self {
         Self { name: name.into(), kind, visibility: Visibility::ALL, motion: Vec::new() }
     }
 }
 
 impl LightKind {
-    /// Returns the light, moved by a transformation of world space. Lights at infinity stay.
+    /// Returns the light, moved by a transformation from world space to world space. Its strength stays, and lights at
+    /// infinity stay where they are.
     #[must_use]
     pub fn moved(mut self, by: &Affine3A) -> Self {
         match &mut self {
@@ -197,7 +198,7 @@ impl LightKind {
 }
 
 impl Environment {
-    /// Returns an environment of constant radiance.
+    /// Returns an environment of constant radiance, in W·sr⁻¹·m⁻², without portals and visible to every kind of ray.
     pub fn uniform(radiance: Spectrum) -> Self {
         Self {
             image: None,
@@ -209,7 +210,10 @@ impl Environment {
         }
     }
 
-    /// Returns a latitude-longitude picture as an environment.
+    /// Returns a latitude-longitude picture as an environment, without portals and visible to every kind of ray.
+    ///
+    /// - `factor`: factor of the picture: radiance in W·sr⁻¹·m⁻².
+    /// - `world_from_environment`: environment space to world space: orthonormal; may mirror.
     pub fn picture(image: ImageId, factor: Spectrum, world_from_environment: Mat3) -> Self {
         Self { image: Some(image), world_from_environment, ..Self::uniform(factor) }
     }

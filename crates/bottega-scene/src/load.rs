@@ -52,12 +52,13 @@ impl From<Scene> for Loaded {
 /// Lights keep the numbers of the file: in glTF, candela counts as W·sr⁻¹, lux as W·m⁻² and the emissive factor as
 /// radiance, so their ratios stay the same.
 ///
-/// A scene without a camera gets one that frames it; a scene without any light gets a neutral sky. Other guesses and
-/// omissions are reported as warnings.
+/// A scene without a camera gets one that frames it; a scene without any light gets a neutral sky, unless
+/// [`LoadOptions::add_sky`] is off. Other guesses and omissions are reported as warnings.
 ///
 /// # Errors
-/// A file cannot be read, is damaged or needs too much memory; with [`LoadOptions::strict`], also unsupported
-/// features.
+/// A file cannot or must not be read, is of an unknown format, is damaged or needs too much memory; the scene has no
+/// such animation or variant as `options` ask for; one of [`LoadOptions::asset_roots`] is not a folder; with
+/// [`LoadOptions::strict`], also unsupported features.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     let mut budget = MemoryBudget::new(options.max_memory_bytes);
     let file = read_file(path, &budget)?;
@@ -187,9 +188,9 @@ fn add_environment(
 }
 
 impl Scene {
-    /// Surrounds the scene with a latitude-longitude picture.
+    /// Replaces the environment with a latitude-longitude picture.
     ///
-    /// - `intensity`: factor of the picture.
+    /// - `intensity`: factor of the picture's radiance.
     /// - `rotation`: about the y axis, counter-clockwise seen from above, in radians.
     pub fn set_environment(&mut self, image: Image, intensity: f32, rotation: f32) {
         self.images.push(image);

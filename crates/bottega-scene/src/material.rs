@@ -9,7 +9,7 @@ use crate::param::{ColorParam, ScalarParam};
 use crate::surface::{Layered, Surface};
 use crate::texture::TextureMap;
 
-/// The interpretation of opacity.
+/// The interpretation of a material's opacity, as in glTF.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AlphaMode {
@@ -89,7 +89,7 @@ pub struct Relief {
     pub rule: ReliefRule,
 }
 
-/// The data of a relief.
+/// The map that describes a relief: of normals or of heights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ReliefSource {
@@ -120,17 +120,17 @@ pub enum ReliefRule {
 }
 
 impl Relief {
-    /// Makes a relief from a normal map and the scale of its x and y.
+    /// Returns a relief by a tangent-space normal map, whose x and y are multiplied by `scale`.
     pub fn normals(map: TextureMap, scale: f32) -> Self {
         Self { source: ReliefSource::Normals(map, scale), rule: ReliefRule::Bent }
     }
 
-    /// Makes a relief from heights in scene units.
+    /// Returns a relief by heights above the surface, in scene units.
     pub fn heights(height: ScalarParam) -> Self {
         Self { source: ReliefSource::Heights(height), rule: ReliefRule::Bent }
     }
 
-    /// Returns the texture of the relief, if any.
+    /// Returns the texture of the relief; `None`: heights without a texture.
     pub fn texture(&self) -> Option<&TextureMap> {
         match &self.source {
             ReliefSource::Normals(map, _) => Some(map),
@@ -139,7 +139,8 @@ impl Relief {
     }
 }
 
-/// A material: the properties of a surface at each of its points.
+/// A material: scattering, emission, opacity and adjacent media of a surface, with textures that vary them from point
+/// to point.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Material {
     /// The name in the file; may be empty.
@@ -186,12 +187,12 @@ impl From<Layered> for Material {
 }
 
 impl Material {
-    /// Returns a Lambertian material.
+    /// Returns an opaque Lambertian material, the same on both sides, with a constant reflectance in [0, 1].
     pub fn matte(reflectance: Spectrum) -> Self {
         Surface::matte(reflectance).into()
     }
 
-    /// Returns a black surface that emits constant radiance from its front.
+    /// Returns a black surface that emits constant radiance, in W·sr⁻¹·m⁻², from its front.
     pub fn lamp(radiance: Spectrum) -> Self {
         Self { emission: radiance.into(), emission_sides: Sides::Front, ..Self::matte(Spectrum::ZERO) }
     }
@@ -203,7 +204,7 @@ impl Material {
         self.emission_sides = self.emission_sides.turned();
     }
 
-    /// Returns true if rays may pass through the surface by opacity. If not, [`opacity`](Self::opacity_at) is 1.
+    /// Returns true if opacity may let rays pass through the surface. If not, [`opacity`](Self::opacity_at) is 1.
     pub fn has_opacity(&self) -> bool {
         self.alpha_mode != AlphaMode::Opaque
     }
@@ -218,12 +219,12 @@ impl Material {
         matches!(self.surface, Surface::Unlit(_)) || self.emission.factor.max_element() > 0.0
     }
 
-    /// Returns the surface if it is glTF's layered one.
+    /// Returns the surface of the front if it is glTF's layered one; `None`: it is another.
     pub fn layered(&self) -> Option<&Layered> {
         if let Surface::Layered(layered) = &self.surface { Some(layered) } else { None }
     }
 
-    /// Returns the surface of one side; `None`: that side is black.
+    /// Returns the surface of the front (`front`) or of the back (`!front`); `None`: that side is black.
     pub fn surface_of(&self, front: bool) -> Option<&Surface> {
         match &self.back {
             Back::Black if !front => None,
@@ -232,7 +233,7 @@ impl Material {
         }
     }
 
-    /// Returns true if a surface is a blend or sum, one part of which is chosen at random per hit.
+    /// Returns true if the surface of either side is a blend or a sum, one part of which is chosen at random per hit.
     pub fn is_blended(&self) -> bool {
         let is_blend = |surface: &Surface| matches!(surface, Surface::Blend { .. } | Surface::Sum(_));
         is_blend(&self.surface) || matches!(&self.back, Back::Other(surface) if is_blend(surface))
@@ -255,7 +256,8 @@ impl Material {
         self.transmits() && (is_solid || self.interior.is_some() || self.exterior.is_some())
     }
 
-    /// Returns true if some of its light passes straight through; see [`see_through`](Self::see_through).
+    /// Returns true if light passes straight through a smooth thin sheet of the material without counting as a bounce;
+    /// see [`see_through`](Self::see_through).
     pub fn is_seen_through(&self) -> bool {
         self.see_through && self.has_clear_sheet()
     }
@@ -281,7 +283,7 @@ impl Material {
         self.relief.is_some() || self.surface.needs_tangents() || back
     }
 
-    /// Returns every texture that the material refers to.
+    /// Returns every texture that the material refers to: those of both sides, of emission, opacity and relief.
     pub fn textures(&self) -> Vec<&TextureMap> {
         let mut maps = Vec::new();
         self.surface.add_textures(&mut maps);

@@ -104,7 +104,7 @@ impl EmissionVariation {
         }
     }
 
-    /// Returns the grid.
+    /// Returns the grid: of factors, or of temperatures.
     pub fn grid(&self) -> &Grid {
         match self {
             Self::Factor(grid) => grid,
@@ -125,7 +125,8 @@ pub struct Coefficients {
 }
 
 impl Medium {
-    /// Returns a medium that absorbs and does not scatter.
+    /// Returns a homogeneous medium without a name that absorbs and does not scatter; `absorption`: σ_a, per scene
+    /// unit.
     pub fn absorbing(absorption: Spectrum) -> Self {
         Self {
             name: String::new(),
@@ -137,12 +138,14 @@ impl Medium {
         }
     }
 
-    /// Returns true if the medium only absorbs, and homogeneously.
+    /// Returns true if the medium is homogeneous and only absorbs.
     pub fn is_clear(&self) -> bool {
         self.scattering == Spectrum::ZERO && self.emission == Spectrum::ZERO && self.variation.is_none()
     }
 
     /// Returns the coefficients at point `p` of the variation's unit cube.
+    ///
+    /// - `variation`: that of this medium.
     pub fn coefficients(&self, variation: &Variation, p: Vec3) -> Coefficients {
         let (absorbing, absorption, scattering) = match &variation.density {
             Density::Both(grid) => {
@@ -170,7 +173,10 @@ impl Medium {
         Coefficients { absorption, scattering, emission }
     }
 
-    /// Returns true if the medium may emit between two corners of the unit cube.
+    /// Returns false if the medium emits nothing in the box between two corners within the unit cube, the least and the
+    /// greatest one; true if it may emit.
+    ///
+    /// - `variation`: that of this medium.
     pub fn may_emit(&self, variation: &Variation, corners: [Vec3; 2]) -> bool {
         let Some(emission) = &variation.emission else {
             return self.emission != Spectrum::ZERO && variation.may_absorb(corners);
@@ -180,7 +186,10 @@ impl Medium {
             && (!emission.times_density() || variation.may_absorb(corners))
     }
 
-    /// Returns an upper bound of σ_a + σ_s over all channels between two corners of the unit cube.
+    /// Returns an upper bound of σ_a + σ_s, per scene unit, over all channels in the box between two corners within the
+    /// unit cube, the least and the greatest one.
+    ///
+    /// - `variation`: that of this medium.
     pub fn extinction_max(&self, variation: &Variation, corners: [Vec3; 2]) -> f32 {
         let most = |grid: &Grid, coefficient: Spectrum| (grid.max_within(corners) * coefficient).max_element();
         match &variation.density {
@@ -203,7 +212,7 @@ impl Variation {
         grid.max_within(corners) != Spectrum::ZERO
     }
 
-    /// Returns the grids of the variation.
+    /// Returns the grids of the variation: one or two of density, then that of emission, if any.
     pub fn grids(&self) -> impl Iterator<Item = &Grid> {
         let (first, second) = match &self.density {
             Density::Both(grid) => (grid, None),
@@ -213,7 +222,7 @@ impl Variation {
         [Some(first), second, self.emission.as_ref().map(EmissionVariation::grid)].into_iter().flatten()
     }
 
-    /// Returns the greatest number of cells of the variation's grids along x, y and z.
+    /// Returns the numbers of cells along x, y and z, each the greatest of all grids of the variation.
     pub fn resolution(&self) -> [u32; 3] {
         self.grids().fold([1; 3], |size, grid| [0, 1, 2].map(|axis| size[axis].max(grid.size()[axis])))
     }

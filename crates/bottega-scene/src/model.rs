@@ -61,7 +61,7 @@ pub struct Instance {
 }
 
 impl Instance {
-    /// Returns an instance with the material of its mesh.
+    /// Returns an instance with the material of its mesh, which stands still and exists for every kind of ray.
     pub fn new(mesh: u32, world_from_object: Affine3A) -> Self {
         Self { mesh, material: None, world_from_object, visibility: Visibility::ALL, motion: Vec::new() }
     }
@@ -88,7 +88,7 @@ pub struct Sphere {
     pub motion: Vec<SphereKey>,
 }
 
-/// A complete scene: everything that a render needs except its settings.
+/// A complete scene: everything that a picture shows, and its cameras, without the settings of a render.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
     /// Meshes, in object space; instances place them.
@@ -225,7 +225,7 @@ impl Mesh {
             + self.motion.iter().map(|key| bytes_of(&key.positions) + bytes_of(&key.normals)).sum::<usize>()
     }
 
-    /// Mirrors the mesh in the plane x = 0; front sides stay outside.
+    /// Returns the mesh mirrored in the plane x = 0 of object space; front sides stay outside.
     pub fn mirrored(mut self) -> Self {
         self.positions.iter_mut().for_each(|p| p.x = -p.x);
         self.normals.iter_mut().for_each(|n| n.x = -n.x);
@@ -250,29 +250,33 @@ impl Mesh {
 }
 
 impl Scene {
-    /// Adds a material. Returns its index.
+    /// Adds a material. Returns its index into [`Self::materials`].
     pub fn push_material(&mut self, material: Material) -> u32 {
         self.materials.push(material);
         self.materials.len() as u32 - 1
     }
 
-    /// Adds a medium. Returns its index.
+    /// Adds a medium. Returns its index into [`Self::media`].
     pub fn push_medium(&mut self, medium: Medium) -> MediumId {
         self.media.push(medium);
         MediumId(self.media.len() as u32 - 1)
     }
 
-    /// Adds a mesh without placing it; see [`push_instance`](Self::push_instance). Returns its index.
+    /// Adds a mesh without placing it; see [`push_instance`](Self::push_instance). Returns its index into
+    /// [`Self::meshes`].
     pub fn push_mesh(&mut self, mesh: Mesh) -> u32 {
         self.meshes.push(mesh);
         self.meshes.len() as u32 - 1
     }
 
-    /// Places a mesh. For a mirroring transformation, adds a mirrored copy of the mesh.
+    /// Adds an instance of a mesh. For a mirroring transformation, adds a mirrored copy of the mesh, and places that.
+    ///
+    /// - `mesh`: index into [`Scene::meshes`].
+    /// - `world_from_object`: object space to world space; must not be singular.
     ///
     /// # Panics
     ///
-    /// If there is no such mesh.
+    /// If the transformation mirrors and there is no such mesh.
     pub fn push_instance(&mut self, mesh: u32, world_from_object: Affine3A) {
         let mirrors = world_from_object.matrix3.determinant() < 0.0;
         let instance = if mirrors {
@@ -285,13 +289,16 @@ impl Scene {
         self.instances.push(instance);
     }
 
-    /// Adds a mesh whose object space is world space, and places it.
+    /// Adds a mesh whose object space is world space, and an instance of it.
     pub fn push_surface(&mut self, mesh: Mesh) {
         let mesh = self.push_mesh(mesh);
         self.push_instance(mesh, Affine3A::IDENTITY);
     }
 
-    /// Adds an analytic sphere without rotation.
+    /// Adds an analytic sphere without rotation, which exists for every kind of ray.
+    ///
+    /// - `center`, `radius`: world space, in scene units.
+    /// - `material`: index into [`Scene::materials`].
     pub fn push_sphere(&mut self, center: Vec3, radius: f32, material: u32) {
         let visibility = Visibility::ALL;
         let world_from_object = Quat::IDENTITY;
@@ -332,17 +339,17 @@ impl Scene {
         if min.cmple(max).all() { (min, max) } else { (Vec3::ZERO, Vec3::ZERO) }
     }
 
-    /// Returns the material of an instance: its own, or that of its mesh.
+    /// Returns the index of an instance's material: its own, or that of its mesh.
     ///
     /// # Panics
     ///
-    /// If there is no such mesh.
+    /// If the instance has no material of its own, and there is no such mesh.
     #[inline(always)]
     pub fn material_of(&self, instance: &Instance) -> u32 {
         instance.material.unwrap_or_else(|| self.meshes[instance.mesh as usize].material)
     }
 
-    /// Counts the triangles of all instances.
+    /// Returns the number of triangles of all instances: a mesh counts once for each of its instances.
     pub fn triangle_count(&self) -> u64 {
         self.instances.iter().map(|instance| self.meshes[instance.mesh as usize].triangles.len() as u64).sum()
     }

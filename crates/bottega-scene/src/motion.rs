@@ -7,7 +7,7 @@
 use glam::{Affine3A, Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
-/// The span of time that a picture shows.
+/// The span of time that a picture shows, and the light that the shutter lets pass in the course of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Shutter {
@@ -21,7 +21,7 @@ pub struct Shutter {
     pub ramp: f64,
 }
 
-/// A transformation at a time.
+/// A key of a motion: a transformation at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TransformKey {
@@ -32,7 +32,7 @@ pub struct TransformKey {
     pub transform: Affine3A,
 }
 
-/// The vertices of a mesh at a time.
+/// A key of a mesh's motion: its vertices at a time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshKey {
     /// Time of the key, in the unit of the file.
@@ -43,7 +43,7 @@ pub struct MeshKey {
     pub normals: Vec<Vec3>,
 }
 
-/// A sphere at a time.
+/// A key of a sphere's motion: its place, size and rotation at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SphereKey {
@@ -60,7 +60,8 @@ pub struct SphereKey {
 }
 
 impl Shutter {
-    /// Returns a shutter that opens and closes at once. `None`: a time is not finite, or it closes before it opens.
+    /// Returns a shutter without ramps, which is open from `open` to `close`, in the unit of the file. `None`: a time
+    /// is not finite, or it closes before it opens.
     pub fn new(open: f64, close: f64) -> Option<Self> {
         Some(Self { open, close, ramp: 0.0 }).filter(Self::is_sound)
     }
@@ -74,17 +75,19 @@ impl Shutter {
             && (0.0..=0.5).contains(&self.ramp)
     }
 
-    /// Returns true if the shutter is open for no time.
+    /// Returns true if the shutter is open for no time, so that nothing moves.
     pub fn is_instant(&self) -> bool {
         self.close <= self.open
     }
 
-    /// Returns a time of the span as a number from 0 to 1.
+    /// Returns the share of the span that has passed at a time: 0 when the shutter opens, 1 when it is closed. Not
+    /// finite, or not meaningful, if the shutter [is open for no time](Self::is_instant).
     pub fn share(&self, time: f64) -> f64 {
         (time - self.open) / (self.close - self.open)
     }
 
-    /// Maps a number that is uniform in [0, 1) to a share of the time, by the light that the shutter lets pass.
+    /// Maps a number that is uniform in [0, 1) to a share of the span in [0, 1], with a density proportional to the
+    /// light that the shutter lets pass.
     pub fn sample(&self, u: f32) -> f32 {
         let ramp = self.ramp as f32;
         // The area below the trapezoid; the area of each ramp is half its length

@@ -11,11 +11,11 @@ use serde::de::{
     Visitor,
 };
 
-/// A deserializer that rejects a list in place of a struct.
+/// A deserializer that rejects a list in place of a struct, at any depth; everything else is unchanged.
 #[derive(Debug)]
 pub struct ObjectsOnly<D>(pub D);
 
-/// Reads a whole JSON text in which structs are objects.
+/// Deserializes a whole JSON text in which structs are objects, not lists.
 ///
 /// # Errors
 /// The text is not JSON of this type, or has more behind it.

@@ -65,7 +65,7 @@ impl Default for LoadOptions {
 }
 
 impl LoadOptions {
-    /// Returns the chosen shutter in the time of the file.
+    /// Returns the chosen shutter in the time of the file; `None`: that of the file.
     pub(crate) fn open_shutter(&self) -> Option<Shutter> {
         let at = f64::from(self.at.unwrap_or(0.0));
         self.shutter.map(|shutter| Shutter { open: at + shutter.open, close: at + shutter.close, ..shutter })

@@ -47,7 +47,8 @@ pub(crate) fn far_center(mesh: &Mesh) -> Option<DVec3> {
     is_far.then(|| center.as_dvec3())
 }
 
-/// Moves a mesh that is far from the origin of its own space to that origin. Returns its former centre.
+/// Moves a mesh that is far from the origin of its own space to that origin. Returns its former centre; `None`: the
+/// mesh is not far, and stays.
 pub(crate) fn centered(mesh: &mut Mesh) -> Option<DVec3> {
     let center = far_center(mesh)?;
     let moved = |p: Vec3| (p.as_dvec3() - center).as_vec3();

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::color::Spectrum;
 use crate::texture::{Channel, TextureMap};
 
-/// A colour: factor × texture.
+/// A colour of a material: a factor, multiplied by a texture if there is one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ColorParam {
     /// Factor of the texture; the colour itself without a texture.
@@ -15,7 +15,7 @@ pub struct ColorParam {
     pub texture: Option<TextureMap>,
 }
 
-/// A number: factor × one channel of a texture.
+/// A number of a material: a factor, multiplied by one channel of a texture if there is one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ScalarParam {
     /// Factor of the texture; the number itself without a texture.

@@ -20,7 +20,7 @@ pub struct PartNames {
 }
 
 impl PartNames {
-    /// Returns the names of the parts of a scene.
+    /// Returns the names of the parts of a scene, in the order of the scene's lists.
     pub fn new(scene: &Scene) -> Self {
         let or_number = |name: &str, kind: &str, number: usize| {
             if name.is_empty() { format!("{kind}.{number}") } else { name.to_owned() }

@@ -46,7 +46,7 @@ pub struct SpotCone {
     pub falloff: SpotFalloff,
 }
 
-/// A flat light that emits from its front.
+/// A rectangle or an ellipse that emits from its front.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AreaLamp {
     /// Light space to world space; may scale. The light lies around the origin in the plane z = 0 and emits towards −z.

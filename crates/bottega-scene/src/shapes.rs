@@ -7,8 +7,10 @@ use glam::{Vec2, Vec3};
 use crate::model::Mesh;
 
 impl Mesh {
-    /// Returns a parallelogram with one corner at `origin`. The front is the side from which `u` to `v` turns
-    /// counter-clockwise; texture coordinates grow along them from (0, 0).
+    /// Returns a parallelogram of two triangles with one corner at `origin`. The front is the side from which `u` to
+    /// `v` turns counter-clockwise; texture coordinates grow along them from (0, 0).
+    ///
+    /// - `u`, `v`: the edges from there to the adjacent corners.
     pub fn quad(origin: Vec3, u: Vec3, v: Vec3) -> Self {
         Self {
             name: "quad".into(),
@@ -19,7 +21,7 @@ impl Mesh {
         }
     }
 
-    /// Returns a box between two corners, front outside.
+    /// Returns a box of twelve triangles between its least and its greatest corner, front outside.
     pub fn cuboid(min: Vec3, max: Vec3) -> Self {
         let size = max - min;
         let (x, y, z) = (Vec3::X * size.x, Vec3::Y * size.y, Vec3::Z * size.z);
@@ -36,7 +38,7 @@ impl Mesh {
         mesh
     }
 
-    /// Returns a sphere of triangles, front outside, with smooth normals.
+    /// Returns a sphere of triangles, front outside, with smooth normals and texture coordinates.
     ///
     /// - `rows`: bands from pole to pole, at least 2; there are twice as many columns.
     pub fn uv_sphere(center: Vec3, radius: f32, rows: u32) -> Self {
@@ -70,7 +72,7 @@ impl Mesh {
         mesh
     }
 
-    /// Returns the mesh with another material.
+    /// Returns the mesh with another material, by its index into [`Scene::materials`](crate::Scene::materials).
     pub fn with_material(self, material: u32) -> Self {
         Self { material, ..self }
     }

@@ -29,7 +29,7 @@ impl<T> SharedList<T> {
         self.0.last().map(AsRef::as_ref)
     }
 
-    /// Returns the elements with their reference counts. The same pointer means the same value.
+    /// Returns the elements as shared pointers. Equal pointers mean the same value, also in different lists.
     pub fn shared(&self) -> &[Arc<T>] {
         &self.0
     }
@@ -39,12 +39,12 @@ impl<T> SharedList<T> {
         self.push_shared(Arc::new(element));
     }
 
-    /// Appends an element that other lists may refer to.
+    /// Appends an element that other lists may refer to, without a copy.
     pub fn push_shared(&mut self, element: Arc<T>) {
         self.0.push(element);
     }
 
-    /// Replaces an element.
+    /// Replaces the element at `index`. Other lists that refer to the previous one keep it.
     ///
     /// # Panics
     ///
@@ -53,7 +53,7 @@ impl<T> SharedList<T> {
         self.0[index] = element;
     }
 
-    /// Leaves out all elements from an index on.
+    /// Drops all elements from index `len` on; does nothing if the list is shorter.
     pub fn truncate(&mut self, len: usize) {
         self.0.truncate(len);
     }
@@ -63,14 +63,14 @@ impl<T> SharedList<T> {
         self.0.pop()
     }
 
-    /// Iterates over the elements.
+    /// Returns an iterator over the elements.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = &T> + DoubleEndedIterator + Clone {
         self.0.iter().map(AsRef::as_ref)
     }
 }
 
 impl<T: Clone> SharedList<T> {
-    /// Iterates over the elements to change them; copies those that other lists refer to.
+    /// Returns an iterator that changes the elements; it copies those that other lists refer to.
     pub fn iter_mut(&mut self) -> impl ExactSizeIterator<Item = &mut T> {
         self.0.iter_mut().map(Arc::make_mut)
     }

@@ -15,7 +15,8 @@ const HEIGHT: u32 = 64;
 const SUN: Vec3 = Vec3::new(-0.48, 0.64, 0.6);
 
 impl Scene {
-    /// Replaces the environment with a neutral sky of mean radiance 1.
+    /// Replaces the environment with a neutral sky: a gray picture with a soft sun, whose mean radiance is about 1
+    /// W·sr⁻¹·m⁻².
     pub fn add_sky(&mut self) {
         self.images.push(image());
         self.environment =

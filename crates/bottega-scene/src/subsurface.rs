@@ -20,7 +20,7 @@ pub struct Subsurface {
     pub inner_eta: f32,
 }
 
-/// The medium below a surface.
+/// The medium below a surface, by the colour that it gives the surface, or by its coefficients.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Substance {
@@ -40,7 +40,7 @@ pub enum Substance {
     },
 }
 
-/// The meaning of a radius of subsurface scattering.
+/// The meaning of the radius of [`Substance::Colored`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RadiusMeaning {

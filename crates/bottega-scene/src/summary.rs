@@ -9,7 +9,7 @@ use crate::load::Loaded;
 use crate::material::Material;
 use crate::model::{Instance, Scene};
 
-/// A summary of a scene: counts, bounds and names.
+/// A summary of a scene for display: counts, bounds and names.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneSummary {
     /// Metadata of the scene file.
@@ -28,7 +28,7 @@ pub struct SceneSummary {
     pub sphere_count: usize,
     /// Number of placed meshes, spheres, lights and cameras that have keys of motion.
     pub moving_count: usize,
-    /// When the shutter opens and is closed.
+    /// Times at which the shutter opens and is closed, in the unit of the file.
     pub shutter: [f64; 2],
     /// Least and greatest coordinates, world space.
     pub bounds: (Vec3, Vec3),
@@ -47,7 +47,9 @@ pub struct SceneSummary {
 }
 
 impl SceneSummary {
-    /// Counts the contents of a scene: triangles, lights, materials and more.
+    /// Returns the summary of a scene.
+    ///
+    /// - `metadata`: of the file that the scene was read from.
     pub fn new(scene: &Scene, metadata: &Metadata) -> Self {
         let environment = scene.environment.as_ref().map(|environment| {
             environment.image.map(|image| scene.images[image.0 as usize].name.clone()).unwrap_or_default()
@@ -104,7 +106,7 @@ fn moving_count(scene: &Scene) -> usize {
 }
 
 impl Loaded {
-    /// Returns the summary of the loaded scene.
+    /// Returns the summary of the loaded scene and its file.
     pub fn summary(&self) -> SceneSummary {
         SceneSummary::new(&self.scene, &self.metadata)
     }

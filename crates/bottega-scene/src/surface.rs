@@ -13,7 +13,7 @@ use crate::color::Spectrum;
 use crate::hair::{Hair, Strand};
 use crate::param::{ColorParam, ScalarParam};
 
-/// The scattering model of a surface.
+/// The scattering model of a surface: one of a closed set that covers the materials of the supported formats.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Surface {
@@ -66,7 +66,7 @@ pub struct Diffuse {
     pub roughness: ScalarParam,
 }
 
-/// Metal, by its complex index of refraction.
+/// The surface of a metal, by its complex index of refraction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Conductor {
     /// Real part η of the index of refraction.
@@ -79,7 +79,7 @@ pub struct Conductor {
     pub facets: Facets,
 }
 
-/// The boundary of a clear solid.
+/// The boundary of a clear solid, or a thin sheet of it: glass, water or a window pane.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Dielectric {
     /// Index of refraction behind the front over that before it.
@@ -160,7 +160,7 @@ pub struct Coated {
     pub base: CoatedBase,
 }
 
-/// Disney's material (Burley 2012 and 2015).
+/// The parameters of Disney's material (Burley 2012 and 2015).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Principled {
     /// Colour of the base, in [0, 1].
@@ -206,12 +206,12 @@ impl From<Layered> for Surface {
 }
 
 impl Surface {
-    /// Returns a Lambertian surface.
+    /// Returns a Lambertian surface of a constant reflectance in [0, 1].
     pub fn matte(reflectance: Spectrum) -> Self {
         Self::Diffuse(Diffuse { reflectance: reflectance.into(), roughness: 0.0.into() })
     }
 
-    /// Returns a thin sheet that scatters nothing and transmits a share of the light straight through.
+    /// Returns a thin sheet that scatters nothing and lets a share of the light, in [0, 1], pass straight through.
     pub fn clear_sheet(transmittance: ColorParam) -> Self {
         Self::Dielectric(Dielectric {
             eta: 1.0,
@@ -222,13 +222,14 @@ impl Surface {
         })
     }
 
-    /// Blends two surfaces; `weight` is the share of the second. [`Null`](Self::Null) becomes a clear sheet, because
-    /// rays cannot pass without a hit where another surface may be.
+    /// Returns a mix of two surfaces; `weight` is the share of the second, in [0, 1]. [`Null`](Self::Null) becomes a
+    /// clear sheet, because rays cannot pass without a hit where another surface may be.
     pub fn blend(weight: ScalarParam, surfaces: [Self; 2]) -> Self {
         Self::Blend { weight, surfaces: Box::new(surfaces.map(Self::met)) }
     }
 
-    /// Adds what two surfaces scatter. [`Null`](Self::Null) becomes a clear sheet, as in a blend.
+    /// Returns a surface that scatters what both surfaces scatter together. [`Null`](Self::Null) becomes a clear sheet,
+    /// as in a blend.
     pub fn sum(surfaces: [Self; 2]) -> Self {
         Self::Sum(Box::new(surfaces.map(Self::met)))
     }

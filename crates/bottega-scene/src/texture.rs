@@ -20,7 +20,7 @@ pub enum Wrap {
     Clamp,
 }
 
-/// One channel of a picture.
+/// The channel of a picture from which a number is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Channel {
@@ -34,7 +34,8 @@ pub enum Channel {
     A,
 }
 
-/// The number of texture coordinate sets that a surface has itself.
+/// The number of texture coordinate sets that belong to a surface; a [`TextureMap::uv_set`] from this number on means a
+/// [`Mapping`].
 pub const SURFACE_UV_SETS: u8 = 2;
 
 /// Texture coordinates by world position, independent of the surface.
@@ -61,7 +62,7 @@ pub enum MappingKind {
     Cells,
 }
 
-/// The mapping of a picture onto a surface.
+/// A picture on a surface: its texture coordinates, and the lookup beyond its edges and between its texels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TextureMap {
     /// The picture that is mapped.
@@ -81,7 +82,7 @@ pub struct TextureMap {
 }
 
 impl TextureMap {
-    /// Maps a picture by the first set of texture coordinates, repeated and interpolated.
+    /// Returns the mapping of a picture by the first set of texture coordinates, repeated and interpolated.
     pub fn new(image: ImageId) -> Self {
         Self {
             image,

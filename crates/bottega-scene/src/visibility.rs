@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub struct Visibility(u8);
 
 impl Visibility {
-    /// Visible to no ray.
+    /// The empty set: visible to no ray.
     pub const NONE: Self = Self(0);
     /// Rays of the camera.
     pub const CAMERA: Self = Self(1);
@@ -24,9 +24,9 @@ impl Visibility {
     pub const VOLUME: Self = Self(16);
     /// Rays from a point towards a light that was sampled for it: a surface that is not there for them casts no shadow.
     pub const SHADOW: Self = Self(32);
-    /// Visible to all rays.
+    /// The set of all kinds: visible to all rays.
     pub const ALL: Self = Self(63);
-    /// Rays after a scattering event.
+    /// Rays after a scattering event, of all kinds.
     pub const BOUNCES: Self = Self(Self::DIFFUSE.0 | Self::GLOSSY.0 | Self::TRANSMISSION.0 | Self::VOLUME.0);
 
     /// Returns true if all kinds of `other` are in the set.
@@ -35,25 +35,26 @@ impl Visibility {
         self.0 & other.0 == other.0
     }
 
-    /// Returns the kinds that are in both sets.
+    /// Returns the kinds of ray that are in both sets.
     #[inline(always)]
     #[must_use]
     pub const fn within(self, other: Self) -> Self {
         Self(self.0 & other.0)
     }
 
-    /// Returns the set without the kinds of another one.
+    /// Returns this set without the kinds of `other`.
     #[must_use]
     pub const fn without(self, other: Self) -> Self {
         Self(self.0 & !other.0)
     }
 
-    /// Returns true if rays after some kind of scattering event are in the set.
+    /// Returns true if at least one kind of [`Self::BOUNCES`] is in the set.
     pub fn has_bounces(self) -> bool {
         self.within(Self::BOUNCES) != Self::NONE
     }
 
-    /// Returns true if rays after a scattering event are treated differently by the kind of the event.
+    /// Returns true if some kinds of [`Self::BOUNCES`] are in the set and others are not, so that paths must know the
+    /// kind of their last event.
     pub fn tells_bounces_apart(self) -> bool {
         ![Self::NONE, Self::BOUNCES].contains(&self.within(Self::BOUNCES))
     }

@@ -14,10 +14,12 @@ use crate::{
 /// Half the width of a link, as a share of the visible radius.
 const WIDTH: f32 = 0.0015;
 
-/// Draws the agents of a picture and their links, at what the camera sees in the middle of each pixel. Row-major; the
-/// value of a dot is 1 where the network answers "lit", 0.25 "shaded", 0.6 "trace a shadow ray".
+/// Draws the agents of a picture and their links, at what the camera sees in the middle of each pixel. Returns one dot
+/// per pixel, row-major; the value of a dot is 1 where the network answers "lit", 0.25 "shaded", 0.6 "trace a shadow
+/// ray".
 ///
-/// - `settings`: with the settings of photons and agents.
+/// - `prepass`: belongs to `scene`; the agents are cast into it if it has none.
+/// - `settings`: with the settings of photons and agents; defaults take the place of missing ones.
 ///
 /// # Errors
 /// [`RenderError::EmptyPicture`], [`RenderError::PhotonsInMedia`].

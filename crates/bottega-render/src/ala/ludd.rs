@@ -44,7 +44,7 @@ pub enum Criterion {
     Importance,
 }
 
-/// The error of an unknown criterion's name.
+/// The error of a text that is not the name of a [`Criterion`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is not a criterion; there are normal, power, direction, irradiance and importance")]
 pub struct UnknownCriterion(String);
@@ -57,7 +57,7 @@ struct MapSamples {
     values: Vec<(Criterion, Vec<Vec3>)>,
 }
 
-/// The local sphere around a point.
+/// The sphere around a point, in which samples are compared.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LocalSphere {
     /// Sphere of this radius, as a share of the visible radius: measures the light's variation over a distance.
@@ -67,7 +67,7 @@ pub enum LocalSphere {
     Count(usize),
 }
 
-/// Samples of a picture, to compute densities from.
+/// Samples of a picture's light, photons or lighting agents, from which densities of useful data are computed.
 #[derive(Debug)]
 pub struct Samples {
     layers: Vec<MapSamples>,
@@ -75,7 +75,7 @@ pub struct Samples {
     extent: f32,
 }
 
-/// Density of useful data δ at a point.
+/// The density of useful data δ at a point, by criterion.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Density {
     /// δ_k of each criterion; `None`: fewer than two samples in the sphere.
@@ -84,7 +84,7 @@ pub struct Density {
     pub sample_count: u32,
 }
 
-/// Density of useful data δ of all pixels.
+/// The local useful data density of a picture: δ at what each pixel shows.
 #[derive(Clone, Debug, Default)]
 pub struct Ludd {
     /// Densities, row-major; `None`: the camera sees nothing there.
@@ -93,7 +93,7 @@ pub struct Ludd {
     pub sample_count: u64,
 }
 
-/// A set of samples.
+/// The kinds of samples that densities of useful data are computed from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SampleSet {
     /// All photons of a picture.
@@ -105,10 +105,10 @@ pub enum SampleSet {
 }
 
 impl Criterion {
-    /// All criteria, for iteration.
+    /// All criteria, in the order of their declaration.
     pub const ALL: [Self; 5] = [Self::Normal, Self::Power, Self::Direction, Self::Irradiance, Self::Importance];
 
-    /// Returns the name in options and reports.
+    /// Returns the name of the criterion in options and reports; [`FromStr`] reads it.
     pub fn name(self) -> &'static str {
         match self {
             Self::Normal => "normal",
@@ -170,6 +170,8 @@ impl Moments {
 
 /// Returns δ_k of equation 1 for the samples in one local sphere: their standard deviation divided by the mean of their
 /// lengths, which is the mean for nonnegative values. `None`: fewer than two samples.
+///
+/// - `values`: one per sample; scalars are in the first coordinate.
 pub fn useful_data_density(values: &[Vec3]) -> Option<f32> {
     let mut moments = Moments::default();
     values.iter().for_each(|&value| moments.add(value));
@@ -177,7 +179,7 @@ pub fn useful_data_density(values: &[Vec3]) -> Option<f32> {
 }
 
 impl Density {
-    /// Returns δ of equation 2, the mean over the known criteria; `None`: none is known.
+    /// Returns δ of equation 2: the mean over the criteria whose δ_k is known; `None`: none is known.
     pub fn all(&self) -> Option<f32> {
         let known: Vec<f32> = self.by_criterion.iter().filter_map(|&(_, density)| density).collect();
         (!known.is_empty()).then(|| known.iter().sum::<f32>() / known.len() as f32)
@@ -185,9 +187,11 @@ impl Density {
 }
 
 impl Samples {
-    /// Makes samples of a picture's scene in the way that the picture makes them.
+    /// Traces the photons, or casts the agents, of a picture in the way that the picture does, and computes their
+    /// values by each criterion.
     ///
-    /// - `settings`: with the settings of photons and agents.
+    /// - `prepass`: belongs to `scene`; it keeps the agents.
+    /// - `settings`: with the settings of photons and agents; defaults take the place of missing ones.
     ///
     /// # Errors
     /// [`RenderError::EmptyPicture`], [`RenderError::PhotonsInMedia`].
@@ -246,7 +250,7 @@ impl Samples {
         self.len() == 0
     }
 
-    /// Returns δ in the local sphere around a point.
+    /// Returns δ of each criterion for the samples in the local sphere around `p`, in world space.
     pub fn density_at(&self, p: Vec3, sphere: LocalSphere) -> Density {
         let mut density = Density::default();
         for layer in &self.layers {
@@ -274,9 +278,10 @@ impl Samples {
         density
     }
 
-    /// Draws the samples as dots, at what the camera sees in the middle of each pixel (the maps of figure 1).
-    /// Row-major.
+    /// Draws the samples as dots, at what the camera sees in the middle of each pixel (the maps of figure 1). Returns
+    /// one dot per pixel, row-major.
     ///
+    /// - `scene`: the scene of the samples.
     /// - `radius`: radius of a dot, as a share of the visible radius.
     ///
     /// # Errors
@@ -299,6 +304,9 @@ impl Samples {
 
     /// Returns δ at what the camera sees in the middle of each pixel.
     ///
+    /// - `scene`: the scene of the samples.
+    /// - `sphere`: the local sphere around each of these points.
+    ///
     /// # Errors
     /// [`RenderError::EmptyPicture`].
     pub fn over(&self, scene: &PreparedScene, view: &View, sphere: LocalSphere) -> Result<Ludd, RenderError> {
@@ -314,7 +322,7 @@ impl Samples {
     }
 }
 
-/// A pixel of a drawing of samples.
+/// A pixel of a drawing of samples or agents.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Dot {
     /// The camera sees nothing.
@@ -325,7 +333,7 @@ pub enum Dot {
     Sample(f32),
 }
 
-/// Returns the first hit of a camera ray.
+/// Returns the first hit of a camera ray; `None`: it hits nothing.
 pub(super) fn first_place(scene: &PreparedScene, camera: &PathIntegrator<'_>, x: u32, y: u32) -> Option<Vec3> {
     let (ray, _) = camera.camera_ray(&PixelSampler::new(0, x, y, 0), x, y);
     let hit = scene.accel().intersect(&Ray { t_max: ray.reach, ..Ray::new(ray.origin, ray.direction) });

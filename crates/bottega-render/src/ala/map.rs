@@ -255,7 +255,8 @@ impl Agents {
         self.share_taken(&estimate).filter(|&share| u < share).map(|_| surroundings)
     }
 
-    /// Returns the network's answer at a point on an agent or a link; see [`super::network_dots`].
+    /// Returns the network's answer at a point on an agent or a link, as for [`super::network_dots`]. `None`: neither
+    /// is near, or the network is not kept.
     pub(super) fn network_at(&self, p: Vec3, width: f32) -> Option<f32> {
         self.visibility.network_at(p, width)
     }

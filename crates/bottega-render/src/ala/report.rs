@@ -5,7 +5,7 @@ use std::{
     time::Duration,
 };
 
-/// The report of a swarm: its size, its cost, and the answers it gave.
+/// The report of a picture's lighting agents: their number, their cost, and the answers that they gave.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AgentReport {
     /// Agents that were cast.
@@ -35,7 +35,7 @@ pub struct AgentReport {
     pub tally: Tally,
 }
 
-/// Counts of the oracle's answers.
+/// Counts of the answers of lighting agents: work that was done, and work that they made unnecessary.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
     /// Shadow rays that were traced.

@@ -65,7 +65,7 @@ pub(crate) struct SensingContext<'a> {
     pub(crate) task: SensingTask,
 }
 
-/// Readings of agents, in the order of the task.
+/// The readings of agents' sensors, in the order of the task's agents.
 #[derive(Clone, Debug, Default)]
 pub struct SensorReadings {
     /// Readings of each agent about its light.

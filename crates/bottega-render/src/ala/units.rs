@@ -19,7 +19,7 @@ use crate::{
     settings::{PhotonSettings, View},
 };
 
-/// A range of agents to cast.
+/// A unit of work that casts a range of lighting agents.
 #[derive(Clone)]
 pub struct AgentWork {
     /// The scene to trace in.
@@ -36,7 +36,7 @@ pub struct AgentWork {
     pub(crate) has_scouts: bool,
 }
 
-/// A sensing task of some agents.
+/// A unit of work in which some agents sense the light around them.
 #[derive(Clone)]
 pub struct SensorWork {
     /// The scene to trace in.
@@ -56,7 +56,8 @@ pub struct SensorWork {
 }
 
 impl AgentWork {
-    /// Casts the agents on the calling thread.
+    /// Casts the agents on the calling thread. Returns the agents that reached a surface, with their clones and scouts,
+    /// in the order of their identities.
     pub fn perform(self) -> Vec<Agent> {
         let Self { scene, prepass, view, seed, indices, has_scouts } = self;
         let plan = prepass.photon_plan(&scene, &view);
@@ -77,10 +78,10 @@ impl SensorWork {
         self.task.agents().len() as u64
     }
 
-    /// Runs the task on the calling thread.
+    /// Runs the sensors on the calling thread. Returns their readings, in the order of the agents.
     ///
     /// # Errors
-    /// [`RenderError::PhotonsInMedia`], or the scene has no camera.
+    /// [`RenderError::PhotonsInMedia`], [`RenderError::NoCamera`].
     pub fn perform(self) -> Result<SensorReadings, RenderError> {
         let Self { scene, photons, seed, passes, swarm, network, task } = self;
         let settings = sensing_settings(&photons, seed);

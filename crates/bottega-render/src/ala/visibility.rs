@@ -130,7 +130,7 @@ impl Visibility {
     }
 
     /// Returns the median answer of the nearest agent, if it or one of its links passes within `width` of the point: 1
-    /// lit, 0.25 shaded, 0.6 "trace".
+    /// lit, 0.25 shaded, 0.6 "trace". `None`: neither does, or the network is not kept.
     pub(super) fn network_at(&self, p: Vec3, width: f32) -> Option<f32> {
         let number = self.places.nearest_where(p, f32::INFINITY, |_| true)?;
         let links = self.links.get(number as usize)?;

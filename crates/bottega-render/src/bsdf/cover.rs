@@ -11,7 +11,7 @@ use glam::Vec3;
 use super::fresnel;
 use super::microfacet::Microfacets;
 
-/// Number of nodes over the cosine, uniform from 0 to 1.
+/// Number of nodes of a cover curve over the cosine, uniform from 0 to 1.
 pub const COSINES: usize = 64;
 /// Number of nodes over α, uniform in √α from 0 to 1.
 pub(super) const ROUGHNESS: usize = 48;

@@ -14,7 +14,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Returns an arbitrary frame around a unit normal.
+    /// Returns an arbitrary frame whose z is a unit normal.
     ///
     /// Source: Duff et al. 2017, Building an Orthonormal Basis, Revisited, listing 3.
     pub fn from_normal(normal: Vec3) -> Self {
@@ -29,12 +29,12 @@ impl Frame {
         }
     }
 
-    /// Transforms a vector from world space into the frame.
+    /// Returns the coordinates of a world-space vector in the frame.
     pub fn to_local(&self, v: Vec3) -> Vec3 {
         Vec3::new(self.x.dot(v), self.y.dot(v), self.z.dot(v))
     }
 
-    /// Transforms a vector from the frame into world space.
+    /// Returns the world-space vector with these coordinates in the frame.
     pub fn to_world(&self, v: Vec3) -> Vec3 {
         self.x * v.x + self.y * v.y + self.z * v.z
     }

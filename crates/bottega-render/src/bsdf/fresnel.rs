@@ -42,8 +42,11 @@ pub fn conductor(cos_o: f32, eta: Spectrum, k: Spectrum) -> Spectrum {
     if value.is_finite() { value } else { Spectrum::ONE }
 }
 
-/// Returns the refraction of `wo` at a boundary with normal `h` (wo · h > 0); it points away from the boundary like `wo`.
-/// `None`: total internal reflection. `eta` as in [`dielectric`].
+/// Returns the direction into which light along `wo` is refracted at a boundary; it points away from the boundary like
+/// `wo`. `None`: total internal reflection.
+///
+/// - `h`: normal of the boundary, unit length, with wo · h > 0.
+/// - `eta`: as in [`dielectric`].
 pub fn refract(wo: Vec3, h: Vec3, eta: f32) -> Option<Vec3> {
     let cos_o = wo.dot(h);
     let sin2_i = (1.0 - cos_o * cos_o).max(0.0) / (eta * eta);
@@ -54,7 +57,7 @@ pub fn refract(wo: Vec3, h: Vec3, eta: f32) -> Option<Vec3> {
     Some((h * (cos_o / eta - cos_i) - wo / eta).normalize())
 }
 
-/// Returns `wo` mirrored at the normal `h`.
+/// Returns `wo` mirrored at the unit normal `h`; it points away from the boundary like `wo`.
 pub fn reflect(wo: Vec3, h: Vec3) -> Vec3 {
     2.0 * wo.dot(h) * h - wo
 }
@@ -67,7 +70,8 @@ pub fn schlick_weight(cos_o: f32) -> f32 {
     m2 * m2 * m
 }
 
-/// Largest index of refraction; larger ones are clamped. The smallest is its inverse.
+/// Largest index of refraction of a boundary, relative to the outside; larger ones are clamped. The smallest is its
+/// inverse.
 pub const IOR_MAX: f32 = 5.0;
 /// Smallest difference of a rough boundary's index from 1; below it, the lobe is too narrow for single precision.
 pub const IOR_STEP_MIN: f32 = 5e-3;

@@ -19,7 +19,7 @@ pub struct Ggx {
 }
 
 impl Ggx {
-    /// Creates the distribution; `alpha`: α along x and along y.
+    /// Creates the distribution with a roughness α along x and another along y.
     pub fn new(alpha: [f32; 2]) -> Self {
         Self { alpha }
     }
@@ -105,7 +105,10 @@ impl Ggx {
         0.25 * self.density(h) / self.visible_area(wo)
     }
 
-    /// Draws a facet's normal from the distribution of normals visible from `wo` (wo.z > 0).
+    /// Draws a facet's normal from the distribution of normals visible from `wo` (wo.z > 0). Returns it with unit
+    /// length.
+    ///
+    /// - `u`: uniform random numbers in [0, 1).
     ///
     /// Source: Dupuy and Benyoub 2023, Sampling Visible GGX Normals with Spherical Caps, listing 1.
     pub fn sample_visible_normal(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {

@@ -80,7 +80,7 @@ impl Layered {
         }
     }
 
-    /// Returns the boundary if it is the only lobe and smooth.
+    /// Returns the boundary if it is the only lobe and smooth; `None`: it is not.
     pub(super) fn as_smooth_boundary(&self) -> Option<Interface> {
         let is_bare = self.coat.is_none() && self.sheen.is_none();
         (is_bare && !self.has_non_delta && !self.is_black).then_some(self.base.interface)

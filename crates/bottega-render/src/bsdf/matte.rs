@@ -28,9 +28,9 @@ pub(super) struct RoughMatte {
     multiple: Spectrum,
 }
 
-/// Loss of the first term at roughness 1.
+/// Coefficient of the roughness r in the denominator 1 + LOSS · r of EON's first term.
 pub const LOSS: f32 = 0.5 - 2.0 / (3.0 * PI);
-/// Gain of the second term's mean at roughness 1.
+/// Coefficient of the roughness r in the mean albedo (1 + GAIN · r) / (1 + LOSS · r) of EON's first term.
 pub const GAIN: f32 = 2.0 / 3.0 - 28.0 / (15.0 * PI);
 
 impl RoughMatte {

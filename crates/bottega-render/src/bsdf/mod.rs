@@ -91,15 +91,15 @@ impl TransportMode {
 pub struct LobeFlags(u8);
 
 impl LobeFlags {
-    /// The sample stays on the side of wo.
+    /// Flag of a sample on the side of wo.
     pub const REFLECTION: Self = Self(1);
-    /// The sample goes to the other side.
+    /// Flag of a sample on the other side than wo.
     pub const TRANSMISSION: Self = Self(2);
-    /// A lobe spread over the hemisphere: diffuse, multiple scattering or sheen.
+    /// Flag of a lobe spread over the hemisphere: diffuse, multiple scattering or sheen.
     pub const DIFFUSE: Self = Self(4);
-    /// A microfacet lobe.
+    /// Flag of a microfacet lobe.
     pub const GLOSSY: Self = Self(8);
-    /// A Dirac lobe: a single direction.
+    /// Flag of a Dirac lobe: a single direction.
     pub const DELTA: Self = Self(16);
 
     /// Returns the flags as bits, one per flag.
@@ -118,7 +118,7 @@ impl LobeFlags {
     }
 }
 
-/// A direction drawn by [`Bsdf::sample`]; [`Self::weight`] multiplies the throughput of the path.
+/// A direction drawn by [`Bsdf::sample`], with the value and the density of the BSDF there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BsdfSample {
     /// The sampled direction, unit length, in the local frame.

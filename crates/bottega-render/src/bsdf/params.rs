@@ -83,7 +83,7 @@ impl Default for SurfaceParams {
 }
 
 impl SurfaceParams {
-    /// A surface that scatters nothing, as of an unlit material.
+    /// The parameters of a surface that scatters nothing, as of an unlit material.
     pub const BLACK: Self = Self {
         base_color: Spectrum::ZERO,
         metallic: 0.0,

@@ -102,7 +102,8 @@ impl Plastic {
     }
 }
 
-/// Approximate hemispherical mean of the boundary's transmittance.
+/// Approximate hemispherical mean of the transmittance of a plastic's boundary, for the choice of its lobe and its
+/// albedo.
 pub const MEAN_THROUGH: f32 = 0.9;
 
 /// Returns the share of the light at a cosine that reaches the base below a smooth boundary and an absorbing layer.

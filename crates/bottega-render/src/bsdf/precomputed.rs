@@ -38,19 +38,22 @@ pub struct CoverBoundary {
 }
 
 impl CoverBoundary {
-    /// Returns the curves of the node at or below a roughness `alpha`, and of the next one.
+    /// Returns the curves of the node at or below a roughness, and of the next one.
+    ///
+    /// - `alpha`: roughness α of the boundary; clamped to [0, 1].
     pub fn curves(&self, alpha: f32) -> [[f32; COVER_CURVE]; 2] {
         let mean = if self.is_plastic { Mean::Nodes } else { Mean::Exact };
         RoughCover::new(self.distribution, self.shadowing, self.eta, alpha, self.thickness, mean).curves()
     }
 }
 
-/// Returns the node at or below a roughness `alpha`.
+/// Returns the index of the node at or below a roughness `alpha`, from 0 to [`COVER_NODES`] − 2, so that there is a
+/// next one.
 pub fn cover_node(alpha: f32) -> usize {
     cover::place(alpha).0
 }
 
-/// Returns the roughness α of a node.
+/// Returns the roughness α of the node with an index from 0 to [`COVER_NODES`] − 1.
 pub fn cover_alpha(node: usize) -> f32 {
     cover::alpha_of(node)
 }

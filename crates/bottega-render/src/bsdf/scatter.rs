@@ -47,7 +47,7 @@ pub(super) struct Lobes {
 
 impl BsdfSample {
     /// Returns the sample of a Dirac lobe that scatters `energy` (f |cos θi|) into the direction `wi`, chosen with
-    /// probability `chance`.
+    /// probability `chance`. `None`: the lobe scatters nothing.
     #[inline]
     pub(super) fn delta(wi: Vec3, energy: Spectrum, chance: f32, side: LobeFlags, eta: f32) -> Option<Self> {
         let value = energy / wi.z.abs();

@@ -122,7 +122,8 @@ enum KindAt<'a> {
 }
 
 impl Bsdf {
-    /// Creates the BSDF of the layered material, in radiance mode.
+    /// Creates the BSDF of the layered material for the transport of radiance; values outside of their ranges are
+    /// clamped.
     pub fn new(params: &SurfaceParams) -> Self {
         let p = params.clamped();
         if is_lambert(&p) {
@@ -179,20 +180,21 @@ impl Bsdf {
         self.change.map_or(1.0, |change| change.gain)
     }
 
-    /// Returns the same BSDF for transport in `mode`.
+    /// Returns the same BSDF for the transport of radiance or of importance.
     pub fn with_mode(self, mode: TransportMode) -> Self {
         Self { mode, ..self }
     }
 
-    /// Fixes the outgoing direction `wo`; nothing is scattered unless it is above the surface.
+    /// Returns the BSDF for the outgoing direction `wo`, unit length, local frame. It scatters nothing unless `wo` is
+    /// above the surface.
     #[inline(always)]
     pub fn at(&self, wo: Vec3) -> BsdfAt<'_> {
         self.at_carrying(wo, Spectrum::ONE)
     }
 
-    /// Fixes the outgoing direction `wo` of a path with throughput `carried`, of which only the ratios matter. Dispersive
-    /// boundaries choose reflection and channel by it, so that a path with a single channel left follows that channel's
-    /// direction.
+    /// Returns the BSDF for the outgoing direction `wo` of a path with throughput `carried`, of which only the ratios
+    /// matter. Dispersive boundaries choose reflection and channel by it, so that a path with a single channel left
+    /// follows that channel's direction.
     #[inline(always)]
     pub fn at_carrying(&self, wo: Vec3, carried: Spectrum) -> BsdfAt<'_> {
         if !is_above(wo) {
@@ -223,7 +225,7 @@ impl Bsdf {
         self.at(wo).eval_pdf(wi)
     }
 
-    /// Draws a direction, see [`BsdfAt::sample`].
+    /// Draws a direction for the outgoing direction `wo`; see [`BsdfAt::sample`]. `None`: the path ends.
     pub fn sample(&self, wo: Vec3, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
         self.at(wo).sample(u_lobe, u)
     }
@@ -237,9 +239,9 @@ impl Bsdf {
         }
     }
 
-    /// Returns the share of the light arriving along `wo` that is scattered in any direction, according to the tables:
-    /// within two percent for the reflection of a base without coat and sheen, up to about a tenth too high below these,
-    /// and an estimate for transmission.
+    /// Returns the share of the light arriving along `wo` that is scattered in any direction, per channel, according to
+    /// the tables: within two percent for the reflection of a base without coat and sheen, up to about a tenth too high
+    /// below these, and an estimate for transmission. 0 unless `wo` is above the surface.
     pub fn albedo(&self, wo: Vec3) -> Spectrum {
         if !is_above(wo) {
             return Spectrum::ZERO;
@@ -332,7 +334,10 @@ impl BsdfAt<'_> {
         if pdf > 0.0 { (diffuse / pdf).min(1.0) } else { 0.0 }
     }
 
-    /// Draws a direction from random numbers in [0, 1). `None`: no light is scattered for these numbers; the path ends.
+    /// Draws a direction. `None`: no light is scattered for these numbers; the path ends.
+    ///
+    /// - `u_lobe`: uniform random number in [0, 1) that chooses the lobe.
+    /// - `u`: uniform random numbers in [0, 1) that choose the direction.
     #[inline(always)]
     pub fn sample(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
         let sample = self.sample_kind(u_lobe, u)?;

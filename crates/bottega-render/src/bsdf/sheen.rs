@@ -10,7 +10,7 @@ use glam::Vec3;
 
 use super::tables::{Mu, Rough, Tables};
 
-/// Smallest roughness; smaller values are clamped, because the lobe becomes a line along the horizon.
+/// Smallest roughness of sheen; smaller values are clamped, because the lobe becomes a line along the horizon.
 pub const ROUGHNESS_MIN: f32 = 0.1;
 
 /// A layer of fibers on top of all other layers.
@@ -72,9 +72,9 @@ fn charlie(alpha: f32, fit: &[f32; 5], cos_o: f32, cos_i: f32, h: Vec3) -> f32 {
     density / (4.0 * cos_o * cos_i * (1.0 + lambda(fit, cos_o) + lambda(fit, cos_i)))
 }
 
-/// Coefficients of the fit of the shadowing for α = 0.
+/// Coefficients of the fit of the sheen's shadowing for α = 0.
 pub const NARROW: [f32; 5] = [25.3245, 3.32435, 0.16801, -1.27393, -4.85967];
-/// Coefficients of the fit of the shadowing for α = 1.
+/// Coefficients of the fit of the sheen's shadowing for α = 1.
 pub const WIDE: [f32; 5] = [21.5473, 3.82987, 0.19823, -1.97760, -4.32054];
 
 /// Interpolates the coefficients of the fit for `alpha`.

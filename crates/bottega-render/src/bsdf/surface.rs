@@ -23,7 +23,7 @@ use super::subsurface::Interior;
 use super::{Bsdf, LiftedNormal, SurfaceParams};
 use crate::mapping::{MappingPoint, TexturePlace};
 
-/// A point on a surface with the inputs that the evaluation of a material needs.
+/// A point on a surface: the inputs that the evaluation of a material needs.
 #[derive(Clone, Copy, Debug)]
 pub struct SurfacePoint {
     /// Both sets of texture coordinates of the surface.
@@ -47,7 +47,7 @@ pub struct SurfacePoint {
 }
 
 impl SurfacePoint {
-    /// Returns a point for a surface without textures; `front`: `true` if wo is on the front side.
+    /// Returns a point on a surface without textures and vertex colours; `front`: `true` if wo is on the front side.
     pub fn plain(front: bool) -> Self {
         Self {
             uvs: [Vec2::ZERO; 2],
@@ -123,7 +123,11 @@ pub(crate) fn anisotropy_at(scene: &Scene, anisotropy: &Anisotropy, uvs: impl Uv
     (anisotropy.strength * strength, Vec2::new(cos, sin).rotate(direction))
 }
 
-/// Returns the scattering of `material` at a point; black where it has no surface on that side.
+/// Returns the BSDF of `material` at a point; black where the material has no surface on that side.
+///
+/// # Panics
+///
+/// If a texture's image is not in the scene, which [`Scene::validate`] excludes.
 pub fn scattering(scene: &Scene, material: &Material, point: &SurfacePoint) -> Bsdf {
     match material.surface_of(point.front) {
         Some(surface) => of_surface(scene, surface, point).with_lifted(point.lifted),

@@ -15,11 +15,11 @@ use glam::Vec3;
 use super::fresnel;
 use super::ggx::Ggx;
 
-/// Number of nodes of a curve, over the cosine.
+/// Number of nodes of an albedo curve over the cosine.
 pub const MU: usize = 32;
 /// Number of values of a curve: nodes, mean and peak.
 pub(super) const CURVE: usize = MU + 2;
-/// Number of nodes over the roughness.
+/// Number of nodes of the albedo tables over the roughness.
 pub const ROUGHNESS: usize = 16;
 /// Number of nodes over the index of refraction, uniform in √r with r = (n − 1) / (n + 1) from 0 to `R_MAX`: the cosine
 /// of the critical angle is proportional to √r.

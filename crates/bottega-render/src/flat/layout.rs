@@ -4,32 +4,33 @@ use glam::{Mat3, Vec2, Vec3, Vec4};
 
 use crate::record;
 
-/// Stands for no reference.
+/// The word that stands for no reference.
 pub const NONE: u32 = u32::MAX;
 
 /// Offsets in the header of a [`FlatScene`](crate::flat::FlatScene), which holds the offsets of everything else.
 pub mod header {
-    /// Array of instances, [`InstanceRecord`](super::InstanceRecord).
+    /// Header word: offset of the array of instances, [`InstanceRecord`](super::InstanceRecord).
     pub const INSTANCES: usize = 0;
-    /// Array of spheres, [`SphereRecord`](super::SphereRecord).
+    /// Header word: offset of the array of spheres, [`SphereRecord`](super::SphereRecord).
     pub const SPHERES: usize = 1;
-    /// Array of the tree's lights by number, [`LIGHT_WORDS`](super::LIGHT_WORDS) each.
+    /// Header word: offset of the array of the tree's lights by number, [`LIGHT_WORDS`](super::LIGHT_WORDS) each.
     pub const LIGHTS: usize = 2;
-    /// Number of the tree's lights.
+    /// Header word: number of the tree's lights.
     pub const LIGHT_COUNT: usize = 3;
-    /// Array of the tree's nodes, [`TreeNodeRecord`](super::TreeNodeRecord).
+    /// Header word: offset of the array of the tree's nodes, [`TreeNodeRecord`](super::TreeNodeRecord).
     pub const TREE: usize = 4;
-    /// Total intensity of the tree's lights (f32).
+    /// Header word: total intensity of the tree's lights (f32).
     pub const TREE_INTENSITY: usize = 5;
-    /// Array of emitting triangles, [`ShiningRecord`](super::ShiningRecord).
+    /// Header word: offset of the array of emitting triangles, [`ShiningRecord`](super::ShiningRecord).
     pub const SHINING: usize = 6;
-    /// Array of parallel lights, [`ParallelRecord`](super::ParallelRecord).
+    /// Header word: offset of the array of parallel lights, [`ParallelRecord`](super::ParallelRecord).
     pub const PARALLEL: usize = 7;
-    /// Number of parallel lights.
+    /// Header word: number of parallel lights.
     pub const PARALLEL_COUNT: usize = 8;
-    /// The [`EnvironmentRecord`](super::EnvironmentRecord); [`NONE`](super::NONE) without an environment.
+    /// Header word: offset of the [`EnvironmentRecord`](super::EnvironmentRecord); [`NONE`](super::NONE) without an
+    /// environment.
     pub const ENVIRONMENT: usize = 9;
-    /// 1 if light sampling includes lights at infinity, else 0.
+    /// Header word: 1 if light sampling includes lights at infinity, else 0.
     pub const HAS_FAR: usize = 10;
     /// Number of words of the header.
     pub const COUNT: usize = 16;
@@ -248,7 +249,7 @@ record! {
 }
 
 record! {
-    /// A node of the light tree; one value for each of four children.
+    /// A node of the light tree; each field has one value for each of four children.
     pub struct TreeNodeRecord {
         /// x of the centres of the boxes.
         pub center_x: [f32; 4],
@@ -377,7 +378,7 @@ record! {
 }
 
 record! {
-    /// The start of a flat picture.
+    /// The start of a flat picture: its camera and its filter.
     pub struct PictureRecord {
         /// The camera.
         pub camera: CameraRecord,

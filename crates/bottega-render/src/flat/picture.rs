@@ -21,10 +21,11 @@ pub struct FlatPicture {
 }
 
 impl FlatPicture {
-    /// Writes a picture.
+    /// Writes the camera and the filter of a picture as words. A camera that [devices do not
+    /// support](crate::camera::is_camera_for_devices) is written as one of another kind.
     ///
     /// # Errors
-    /// The picture has no pixels.
+    /// [`RenderError::EmptyPicture`].
     pub fn new(view: &View, filter: Filter) -> Result<Self, RenderError> {
         if view.width == 0 || view.height == 0 {
             return Err(RenderError::EmptyPicture { width: view.width, height: view.height });

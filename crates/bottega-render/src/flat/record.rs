@@ -2,7 +2,7 @@
 
 use glam::{Mat3, Vec2, Vec3, Vec4};
 
-/// A value with a fixed number of words.
+/// A value that is written as a fixed number of 32-bit words.
 pub trait Portable {
     /// Number of words of the value.
     const WORDS: u32;
@@ -16,7 +16,7 @@ pub trait Record: Portable {
     const FIELDS: &'static [FieldPlace];
 }
 
-/// Name and offset of a field in a record.
+/// The name of a field of a record, and its offset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FieldPlace {
     /// Name of the field.
@@ -25,7 +25,7 @@ pub struct FieldPlace {
     pub first: u32,
 }
 
-/// Returns the offsets of consecutive fields, given their names and numbers of words.
+/// Returns the names and offsets of consecutive fields, given their names and numbers of words.
 pub const fn places<const N: usize>(fields: [(&'static str, u32); N]) -> [FieldPlace; N] {
     let mut places = [FieldPlace { name: "", first: 0 }; N];
     let (mut index, mut first) = (0, 0);
@@ -37,7 +37,11 @@ pub const fn places<const N: usize>(fields: [(&'static str, u32); N]) -> [FieldP
     places
 }
 
-/// Returns the offset of a field. In a constant, an unknown name is a compile error.
+/// Returns the offset of the field with a name, in words from the start of its record.
+///
+/// # Panics
+///
+/// If there is no such field: in a constant, this is a compile error.
 pub const fn place_of(fields: &[FieldPlace], name: &str) -> u32 {
     let mut index = 0;
     while index < fields.len() {

@@ -69,7 +69,7 @@ impl RegionAgent {
         prefetch(slice::from_ref(&self.noise), 0);
     }
 
-    /// Returns the learned choice of lights.
+    /// Returns the learned choice of lights; `None`: none was learned.
     #[inline(always)]
     pub(crate) fn lights(&self) -> Option<&Choice> {
         self.lights.as_ref()

@@ -11,7 +11,7 @@ use super::directions::{CELLS, Directions};
 use super::plan::{PaintPlan, PaintingWay};
 use super::tree::{Guide, GuideNode, Lattice, Region};
 
-/// The error of bytes that are not a valid guide.
+/// The error of bytes that are not valid data of a prepass: a guide, or photon maps and agents.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the bytes are not a guide of a scene")]
 pub struct UnreadGuide;

@@ -368,7 +368,9 @@ impl Guide {
         self.region(self.leaf(p, normal)?)
     }
 
-    /// Returns the number of the leaf of such a point.
+    /// Returns the number of the leaf at a point on a surface; `None`: nothing was learned there.
+    ///
+    /// - `normal`: shading normal on the side of `wo`.
     #[inline(always)]
     pub(crate) fn leaf(&self, p: Vec3, normal: Vec3) -> Option<usize> {
         let LatticeEntry(roots) = self.entries.get(self.lattice.cell(p))?;
@@ -385,7 +387,7 @@ impl Guide {
         self.regions.get(leaf)
     }
 
-    /// Returns the agent of a leaf.
+    /// Returns the agent of a leaf; `None`: it has none.
     #[inline(always)]
     pub(crate) fn agent(&self, leaf: usize) -> Option<&RegionAgent> {
         self.agents.get(leaf)

@@ -50,7 +50,10 @@ pub struct PhotonIntegrator<'a> {
 }
 
 impl<'a> PhotonIntegrator<'a> {
-    /// Creates an integrator for the picture `view`; the settings ask for photons.
+    /// Creates an integrator for the picture `view`.
+    ///
+    /// - `prepass`: belongs to `prepared`.
+    /// - `photons`: the settings of photons in `settings`.
     ///
     /// # Errors
     /// [`RenderError::PhotonsInMedia`], [`RenderError::EmptyPicture`].

@@ -12,7 +12,7 @@ use crate::{
     surfaces::Surfaces,
 };
 
-/// Greatest survival probability of Russian roulette.
+/// Greatest probability with which a path survives Russian roulette.
 pub const ROULETTE_SURVIVAL_MAX: f32 = 0.95;
 /// Gap between a shadow ray's end and its target, as a share of its length.
 pub const SHADOW_MARGIN: f32 = 1e-4;

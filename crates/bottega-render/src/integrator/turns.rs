@@ -81,7 +81,8 @@ impl Task for SampleBatch<'_> {
 }
 
 impl PathIntegrator<'_> {
-    /// Traces sample `sample_index` of the pixel (x, y). Radiance that is not finite counts as 0.
+    /// Traces one sample of the pixel (x, y) of the whole picture, and returns its values. Radiance that is not finite
+    /// counts as 0.
     pub fn sample(&self, x: u32, y: u32, sample_index: u32) -> SampleValues {
         let mut records = Vec::new();
         let samples = &[(x, y, sample_index)];

@@ -22,7 +22,7 @@ use super::{
 };
 use crate::sampler::PixelSampler;
 
-/// A wave of paths, one per sample.
+/// A wave of paths, one per sample, that advance together: after each step they wait for the hits of their rays.
 #[derive(Clone, Default)]
 pub struct Wave {
     /// Samples as (x, y, sample index).
@@ -40,7 +40,7 @@ pub struct Wave {
     shadow_rays: Arc<Vec<Ray>>,
 }
 
-/// Results of a wave's rays.
+/// The results of a wave's rays, by which its paths continue.
 #[derive(Clone, Debug, Default)]
 pub struct WaveAnswers {
     /// Closest hits of [`Wave::rays`].
@@ -78,17 +78,17 @@ impl Wave {
         Self { samples, ..Self::default() }
     }
 
-    /// Returns the rays to find closest hits for.
+    /// Returns the rays whose closest hits the paths wait for.
     pub fn rays(&self) -> &Arc<Vec<Ray>> {
         &self.rays
     }
 
-    /// Returns the shadow rays to test for occlusion.
+    /// Returns the shadow rays whose occlusion the paths wait for.
     pub fn shadow_rays(&self) -> &Arc<Vec<Ray>> {
         &self.shadow_rays
     }
 
-    /// Returns `true` if all paths have ended.
+    /// Returns `true` if all paths have ended; `false` for a wave that has not started.
     pub fn is_over(&self) -> bool {
         !self.samples.is_empty() && self.live_count == 0 && self.records.len() == self.samples.len()
     }

@@ -6,7 +6,7 @@ use bottega_scene::{Scene, Visibility};
 use super::opacity::opacity_of;
 use crate::surfaces::Surfaces;
 
-/// Bit by which a surface's random number for shadow rays differs from that for paths.
+/// Bit of the key of a surface's random number that is set for shadow rays, so that they get another number than paths.
 pub const ASKS_AS_SHADOW: u32 = 1 << 31;
 
 /// The kind of ray that tests if a surface is opaque at a hit.

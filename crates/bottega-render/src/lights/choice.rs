@@ -268,7 +268,8 @@ impl Lights {
         if !self.has_far() || self.lights.is_empty() { tree } else { tree + choice.share * (choice.far - tree) }
     }
 
-    /// Samples one light and a point on it, like [`Lights::sample`], by the mixture of choice and tree.
+    /// Samples one light and a point on it, like [`Lights::sample`], by the mixture of choice and tree. `None`: no
+    /// light for these random numbers.
     #[inline(always)]
     pub(crate) fn sample_by(
         &self,

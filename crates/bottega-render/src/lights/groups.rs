@@ -23,16 +23,17 @@ pub struct LightGroups {
 }
 
 impl LightGroups {
-    /// Largest number of groups.
+    /// Largest number of groups of a picture.
     pub const MAX: usize = 16;
-    /// Name of the environment.
+    /// The name of the environment among the lights.
     pub const ENVIRONMENT: &str = "environment";
 
-    /// Returns the groups of a scene's lights. Emission inside media belongs to none.
+    /// Assigns the lights of a scene to groups. Emission inside media belongs to none.
     ///
     /// - `count`: number of groups, at most [`Self::MAX`].
-    /// - `groups_of`: returns the groups of a light that has these names: a light without extent has one, a glowing
-    ///   surface those of object, mesh and material, the environment [`Self::ENVIRONMENT`]. Called once per light.
+    /// - `groups_of`: returns the set of groups of a light that has these names, as a bit mask: a light without extent
+    ///   has one name, a glowing surface those of object, mesh and material, the environment [`Self::ENVIRONMENT`].
+    ///   Called once per light.
     pub fn new(prepared: &PreparedScene, count: usize, mut groups_of: impl FnMut(&[&str]) -> u16) -> Self {
         let (scene, lights) = (prepared.scene(), prepared.lights());
         let names = PartNames::new(scene);

@@ -395,7 +395,8 @@ impl Lights {
         self.hit_pdf_by(surfaces, hit, receiver, p, None)
     }
 
-    /// Samples a light of the tree for a segment of a ray in a medium; returns its number and probability.
+    /// Samples a light of the tree for a segment of a ray in a medium; returns its number and probability. `None`: no
+    /// light for this number.
     pub(crate) fn sample_along(&self, segment: &Segment, u: f32) -> Option<(u32, f32)> {
         self.tree.sample(segment, u)
     }

@@ -20,7 +20,7 @@ const WIDTH: usize = 4;
 const BUCKETS: usize = 12;
 /// Depth from which on nodes are halved by count, which bounds the depth for any input.
 const BALANCED_DEPTH: usize = 48;
-/// Smallest squared distance, which avoids division by 0.
+/// Smallest squared distance to a light, in squared scene units, which avoids division by 0.
 pub const DISTANCE_SQUARED_MIN: f32 = 1e-20;
 
 /// One value per child.
@@ -248,7 +248,7 @@ impl LightTree {
         self.nodes.first().map_or(0.0, |root| receiver.of(&Children(root)).iter().sum::<f32>() * self.intensity)
     }
 
-    /// Samples a light by a number in [0, 1); returns it with its probability.
+    /// Samples a light by a number in [0, 1); returns it with its probability. `None`: no light for this number.
     #[inline(always)]
     pub(super) fn sample(&self, receiver: &impl Importance, u: f32) -> Option<(u32, f32)> {
         if self.light_count <= 1 {
@@ -259,6 +259,7 @@ impl LightTree {
     }
 
     /// Samples a light below a node by a number in [0, 1); for [`NO_LIGHT`] returns `first`, the part's only light.
+    /// `None`: no light for this number.
     #[inline(always)]
     pub(super) fn sample_below(&self, receiver: &impl Importance, node: u32, first: u32, u: f32) -> Option<u32> {
         if node == NO_LIGHT {
@@ -369,7 +370,8 @@ impl LightTree {
         }
     }
 
-    /// Returns the root as (node, first light, end of its lights); the node is [`NO_LIGHT`] for a single light.
+    /// Returns the root as (node, first light, end of its lights); the node is [`NO_LIGHT`] for a single light. `None`:
+    /// the tree has no lights.
     pub(super) fn root(&self) -> Option<(u32, u32, u32)> {
         let node = if self.light_count > 1 { 0 } else { NO_LIGHT };
         (self.light_count > 0).then_some((node, 0, self.light_count))

@@ -58,7 +58,7 @@ const COUNT_BITS: u32 = 6;
 /// Greatest number of entries in all lists of a map. Light of further places is not divided by bounces.
 const NUMBERS_MAX: usize = 1 << (u32::BITS - COUNT_BITS);
 
-/// Points with precomputed irradiance.
+/// Points on surfaces with the irradiance there, estimated from photons and kept apart by numbers of bounces.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct IrradiancePlaces {
     /// Points, with the irradiance by all light as power; the label holds start and length of the list.

@@ -113,13 +113,13 @@ impl Reader<'_> {
         Some((self.vector()?, [self.number()?, self.number()?, self.number()?]))
     }
 
-    /// Reads a list of numbers.
+    /// Reads a list of numbers; `None`: not valid.
     pub(crate) fn numbers(&mut self) -> Option<Vec<u32>> {
         let count = self.count(size_of::<u32>())?;
         (0..count).map(|_| self.number()).collect()
     }
 
-    /// Reads a list of photons.
+    /// Reads a list of photons; `None`: not valid.
     pub(crate) fn photons(&mut self) -> Option<Vec<Photon>> {
         let count = self.count(PHOTON_BYTES)?;
         (0..count).map(|_| self.photon().map(|(p, numbers)| Photon::of(p, Mark::from_numbers(numbers)))).collect()

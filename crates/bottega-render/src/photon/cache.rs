@@ -133,7 +133,8 @@ impl IrradianceCache {
         shares
     }
 
-    /// Returns the same as [`Self::estimate`], and the light by direction, from records that have directions.
+    /// Returns the same as [`Self::estimate`], and the light by direction, from records that have directions. `None`:
+    /// no such record is near enough.
     #[inline(always)]
     pub(crate) fn surroundings(&self, p: Vec3, n: Vec3, bounces: u32) -> Option<(Estimate, Surroundings<'_>)> {
         let mut strongest = StrongestRecords::default();
@@ -257,7 +258,7 @@ impl IrradianceCache {
         self.records.iter().for_each(|record| record.write(to));
     }
 
-    /// Reads a cache in the form that [`Self::settled`] returns.
+    /// Reads a cache in the form that [`Self::settled`] returns; `None`: not valid.
     pub(crate) fn read(tolerance: f32, from: &mut Reader<'_>) -> Option<Self> {
         let (low, side) = (from.vector()?, from.value()?);
         let count = from.count(IrradianceRecord::BYTES_MIN)?;

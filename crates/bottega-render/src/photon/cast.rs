@@ -28,12 +28,17 @@ const PHOTONS: u32 = 8192;
 /// Points per unit of work.
 const POINTS: u32 = 4096;
 
-/// Builds the maps, and casts the agents, of a picture with photons, unless they exist. Photons and irradiance are
-/// computed as units of work, on all devices and, with `others`, on other machines. A progressive picture builds the
-/// maps of each pass when a sample needs them. Does nothing for other pictures.
+/// Builds the photon maps of a picture, and casts its agents, unless they exist. Photons and irradiance are computed as
+/// units of work, on all devices and, with `others`, on other machines. A progressive picture builds the maps of each
+/// pass when a sample needs them. Does nothing for pictures without photons.
+///
+/// - `prepass`: belongs to `scene`, and receives the maps.
+/// - `client`: runs the units of work; must not be used otherwise meanwhile.
+/// - `others`: machines that render the same picture, which must call this, too.
 ///
 /// # Errors
-/// [`RenderError::PhotonsInMedia`], the allocator could not do the work, or the picture was abandoned before its end.
+/// [`RenderError::PhotonsInMedia`], [`RenderError::EmptyPicture`], the allocator could not do the work, or the picture
+/// was abandoned before its end.
 pub fn cast_photons(
     scene: &Arc<PreparedScene>,
     prepass: &Arc<Prepass>,

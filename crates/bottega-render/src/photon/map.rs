@@ -15,7 +15,8 @@ const DEPTH_MAX: usize = 40;
 /// Greatest number of photons that [`Nearest`] holds.
 pub const NEAREST_MAX: usize = 512;
 
-/// Photons in a kd-tree. The tree depends only on the photons and their order, not on the number of threads.
+/// Photons in a kd-tree, each with a number from 0. The tree depends only on the photons and their order, not on the
+/// number of threads.
 #[derive(Clone, Debug, Default)]
 pub struct PhotonMap {
     /// Inner nodes, starting at index 1; the children of node i are 2i and 2i + 1.
@@ -36,7 +37,8 @@ struct PhotonPlane {
 }
 
 impl PhotonMap {
-    /// Builds the tree on the current thread pool. Drops photons whose position is not finite.
+    /// Builds the tree on the current thread pool. Photons are numbered in the order of the tree's leaves; those whose
+    /// position is not finite are dropped.
     pub fn new(mut photons: Vec<Photon>) -> Self {
         photons.retain(|photon| photon.p.is_finite());
         let leaves = photons.len().div_ceil(BUCKET);
@@ -105,19 +107,27 @@ impl PhotonMap {
         self.marks.is_empty()
     }
 
-    /// Returns the memory, in bytes.
+    /// Returns the memory of the tree and its photons, in bytes.
     pub fn memory_bytes(&self) -> usize {
         size_of_val(&*self.nodes) + size_of_val(&*self.places) + size_of_val(&*self.marks)
     }
 
-    /// Returns a photon by its number.
+    /// Returns the photon with a number from 0.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such photon.
     #[inline(always)]
     pub fn photon(&self, index: u32) -> Photon {
         let (bucket, lane) = (index as usize / BUCKET, index as usize % BUCKET);
         Photon::of(Vec3::from_array(self.places[bucket].map(|along| along[lane])), self.marks[index as usize])
     }
 
-    /// Returns the data of a photon by its number, without the position.
+    /// Returns the data of the photon with a number from 0, without the position.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such photon.
     #[inline(always)]
     pub fn mark(&self, index: u32) -> Mark {
         self.marks[index as usize]
@@ -130,14 +140,16 @@ impl PhotonMap {
         self
     }
 
-    /// Returns all photons, in the order of their numbers.
+    /// Returns an iterator over all photons, in the order of their numbers.
     pub fn iter(&self) -> impl Iterator<Item = Photon> + '_ {
         (0..self.len() as u32).map(|index| self.photon(index))
     }
 
     /// Finds the photons nearest to a point within a radius, as many as `found` holds.
     ///
+    /// - `p`: the point, in world space.
     /// - `radius_squared`: squared radius; photons at exactly this distance do not count.
+    /// - `found`: overwritten.
     #[inline(always)]
     pub fn nearest(&self, p: Vec3, radius_squared: f32, found: &mut Nearest) {
         found.clear();
@@ -159,7 +171,8 @@ impl PhotonMap {
         });
     }
 
-    /// Calls `take` with the number and the squared distance of each photon within a radius.
+    /// Calls `take` with the number and the squared distance of each photon within a radius around `p`; photons at
+    /// exactly this distance do not count.
     #[inline(always)]
     pub fn within(&self, p: Vec3, radius_squared: f32, mut take: impl FnMut(u32, f32)) {
         self.visit(p, radius_squared, |first, distances, bound| {
@@ -173,7 +186,8 @@ impl PhotonMap {
         });
     }
 
-    /// Returns the nearest photon within a radius for which `accept` returns `true`; `None`: there is none.
+    /// Returns the number of the photon nearest to `p` within a radius for which `accept`, called with numbers, returns
+    /// `true`; `None`: there is none.
     #[inline(always)]
     pub fn nearest_where(&self, p: Vec3, radius_squared: f32, mut accept: impl FnMut(u32) -> bool) -> Option<u32> {
         let mut best = None;
@@ -294,7 +308,7 @@ pub struct Nearest {
 }
 
 impl Nearest {
-    /// Creates a buffer for `limit` photons, at most [`NEAREST_MAX`].
+    /// Creates a buffer for the `limit` nearest photons; larger limits than [`NEAREST_MAX`] count as [`NEAREST_MAX`].
     pub fn new(limit: usize) -> Self {
         Self { heap: [0; NEAREST_MAX], count: 0, limit: limit.min(NEAREST_MAX) }
     }
@@ -318,13 +332,13 @@ impl Nearest {
         self.count == self.limit
     }
 
-    /// Returns numbers and squared distances, unordered but deterministic.
+    /// Returns the photons found, as numbers in the map and squared distances, unordered but deterministic.
     #[inline(always)]
     pub fn iter(&self) -> impl Iterator<Item = (u32, f32)> + '_ {
         self.heap[..self.count].iter().map(|&key| (key as u32, f32::from_bits((key >> 32) as u32)))
     }
 
-    /// Returns the squared distance of the farthest photon; 0: none.
+    /// Returns the squared distance of the farthest photon found; 0: none was found.
     pub fn farthest(&self) -> f32 {
         self.iter().fold(0.0, |farthest, (_, distance)| distance.max(farthest))
     }

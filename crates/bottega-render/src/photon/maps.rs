@@ -241,7 +241,7 @@ impl PhotonMaps {
         self.arrivals.write(to);
     }
 
-    /// Reads maps of a picture with these settings and this extent.
+    /// Reads maps of a picture with these settings and this extent; `None`: not valid.
     pub(crate) fn read(settings: &PhotonSettings, extent: Extent, from: &mut Reader<'_>) -> Option<Self> {
         let reach = SearchRadius::new(settings, from.value()?);
         let (seen, irradiance) = (from.map()?, IrradianceMap::read(from)?);

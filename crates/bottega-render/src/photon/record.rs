@@ -11,7 +11,7 @@ const NORMAL_STEPS: u32 = 1 << 6;
 /// Exponent bias: powers range from 2⁻¹²⁸ to 2¹²⁷.
 const EXPONENT_BIAS: i32 = 128;
 
-/// A photon, or other data at a surface point.
+/// A photon on a surface, packed into 24 bytes; other data at a surface point has the same form.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Photon {
     /// Position, in world space.
@@ -19,7 +19,7 @@ pub struct Photon {
     mark: Mark,
 }
 
-/// The data of a photon without its position, packed.
+/// The data of a photon without its position, packed: directions, power and number of bounces.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Mark {
     /// Octahedral coordinates: 10 bits each for the direction, 6 bits each for the normal.
@@ -33,9 +33,10 @@ pub struct Mark {
 impl Photon {
     /// Packs a photon.
     ///
+    /// - `p`: position in world space.
     /// - `to_light`: direction against its flight; unit length.
     /// - `normal`: geometric normal, on the side where it arrived; unit length.
-    /// - `power`: finite and at least 0.
+    /// - `power`: power per channel, finite and at least 0.
     pub fn new(p: Vec3, to_light: Vec3, normal: Vec3, power: Spectrum) -> Self {
         let directions = packed(to_light, DIRECTION_STEPS, 10) | packed(normal, NORMAL_STEPS, 6) << 20;
         Self { p, mark: Mark { directions, power: shared_exponent(power), label: 0 } }
@@ -58,7 +59,7 @@ impl Photon {
         Self { mark: Mark { power: shared_exponent(power), ..self.mark }, ..self }
     }
 
-    /// Returns this photon with `bounces` scatterings before it arrived.
+    /// Returns this photon with another number of bounces: how often the light was scattered before it arrived.
     #[must_use]
     pub fn with_bounces(self, bounces: u32) -> Self {
         self.with_label(bounces)
@@ -87,7 +88,7 @@ impl Mark {
         Self { directions, power, label }
     }
 
-    /// Returns how often the light was scattered before it arrived.
+    /// Returns the number of times that the light was scattered before it arrived.
     #[inline(always)]
     pub fn bounces(self) -> u32 {
         self.label
@@ -123,7 +124,7 @@ impl Mark {
         self.power
     }
 
-    /// Returns the power, within half a percent of its greatest channel.
+    /// Returns the power per channel, within half a percent of its greatest channel.
     #[inline(always)]
     pub fn power(self) -> Spectrum {
         of_shared_exponent(self.power)

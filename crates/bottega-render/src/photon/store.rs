@@ -29,7 +29,7 @@ pub(crate) struct Passes {
     agents: OnceLock<Agents>,
 }
 
-/// The memory of a picture's maps, in bytes.
+/// The memory of a picture's photon maps and agents, in bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MapBytes {
     /// Caustic photons; without final gathering, also the indirect photons.

@@ -59,7 +59,8 @@ pub(crate) struct Tracer<'a> {
     pub(crate) projection: Option<&'a Projection>,
 }
 
-/// Stored photons, in the order of their indices. Each carries the power of all light: divide by the number emitted.
+/// The photons that a range of emitted photons stored on surfaces, in the order of their indices. Each carries the
+/// power of all light: divide by the number emitted.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TracedPhotons {
     /// Photons that arrived directly from a light.

@@ -18,7 +18,7 @@ use crate::{
     settings::{PhotonSettings, View},
 };
 
-/// A range of photons to trace.
+/// A unit of work that traces a range of photons from the lights.
 #[derive(Clone)]
 pub struct PhotonWork {
     /// The scene to trace in.
@@ -37,7 +37,7 @@ pub struct PhotonWork {
     pub indices: Range<u32>,
 }
 
-/// A range of points at which to compute the irradiance from photons.
+/// A unit of work that estimates irradiance from photons at a range of points.
 #[derive(Clone)]
 pub struct IrradianceWork {
     /// The scene that the photons are of.
@@ -51,7 +51,7 @@ pub struct IrradianceWork {
 }
 
 impl PhotonWork {
-    /// Traces the photons on the calling thread.
+    /// Traces the photons on the calling thread. Returns what they stored on surfaces, in the order of their indices.
     pub fn perform(self) -> TracedPhotons {
         let Self { scene, prepass, settings, view, only_caustics, seed, indices } = self;
         let plan = prepass.photon_plan(&scene, &view);
@@ -65,7 +65,7 @@ impl PhotonWork {
 }
 
 impl IrradianceWork {
-    /// Computes the irradiance on the calling thread.
+    /// Estimates the irradiance on the calling thread. Returns the points with it, in their order.
     pub fn perform(self) -> IrradiancePlaces {
         let (prepared, all) = (&*self.scene, &*self.all);
         compiled::run(IrradianceAt { prepared, estimator: self.estimator, all, points: self.points })

@@ -16,7 +16,7 @@ use crate::{
 /// Side of a block, in pixels: at most some milliseconds, as a glimpse can be canceled only between blocks.
 const BLOCK_SIDE: u32 = 8;
 
-/// Depth and sample count of a glimpse.
+/// The depth and the sample count of a glimpse.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GlimpseOptions {
     /// Greatest number of bounces of the final picture.
@@ -25,15 +25,16 @@ pub struct GlimpseOptions {
     pub samples: u32,
 }
 
-/// Renders a glimpse of the picture `view`, which should be small. Returns `None` if it is canceled.
+/// Renders a glimpse of the picture `view`, which should be small. Returns its colours, linear RGB; `None` if it was
+/// canceled.
 ///
-/// All work goes through `client`, which must not be used otherwise meanwhile. The result depends only on the scene,
-/// the view and the options.
-///
+/// - `client`: does all work, and must not be used otherwise meanwhile.
 /// - `is_ended`: called after each block; `true` cancels.
 ///
+/// The result depends only on the scene, the view and the options.
+///
 /// # Errors
-/// The view has no pixels, or the allocator failed.
+/// [`RenderError::EmptyPicture`], or the allocator does not do the work.
 pub fn glimpse(
     scene: &Arc<PreparedScene>,
     view: &View,

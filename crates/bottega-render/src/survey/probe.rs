@@ -12,7 +12,7 @@ use crate::{
     settings::{PathSettings, View},
 };
 
-/// Result of the survey for one pixel; means over its samples.
+/// The cost and the colour of one pixel, as means over its samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SurveyPixel {
     /// Levels of recursion in mirrors and transparent surfaces (the paper's importance function).

@@ -9,8 +9,8 @@ use crate::values::VALUE_MAX;
 /// The greatest number of vertices, corners and triangles.
 const COUNT_MAX: usize = i32::MAX as usize;
 
-/// A mesh of triangles whose normals, texture coordinates and colours belong to corners: vertices that meet with different
-/// values there have several corners. Rows are named in errors.
+/// A mesh of triangles whose normals, texture coordinates and colours belong to corners: vertices that meet with
+/// different values there have several corners. Errors name the first wrong row of an array.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CornerMesh<'a> {
     /// Vertex positions, object space, in scene units.

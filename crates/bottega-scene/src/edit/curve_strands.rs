@@ -14,7 +14,8 @@ use crate::model::{COORDINATE_MAX, Mesh};
 /// The greatest number of points: the hull around them has up to four corners per point, which are numbered by `u32`.
 const POINTS_MAX: usize = 1 << 29;
 
-/// Curves that are straight between their points. They have no inside and no ends.
+/// Curves that consist of straight pieces between their points, as arrays for
+/// [`SceneEditor::put_curves`](crate::SceneEditor::put_curves). They have no inside and no ends.
 #[derive(Clone, Copy, Debug)]
 pub struct CurveStrands<'a> {
     /// Points of all curves, object space, one curve after another.

@@ -17,10 +17,14 @@ use crate::texture::ImageId;
 const ROTATION_TOLERANCE: f32 = 1e-3;
 
 impl SceneEditor {
-    /// Adds or replaces a material. Its textures and media are numbers of this editor: see [`Self::image_id`].
+    /// Adds or replaces a material.
+    ///
+    /// - `material`: refers to images and media by numbers of this editor; see [`Self::image_id`] and
+    ///   [`Self::medium_id`].
     ///
     /// # Errors
-    /// A value is out of range, or an image or medium does not exist.
+    /// The key is empty or, with [`PutMode::New`], taken; a value is out of range; or an image, a medium or a set of
+    /// texture coordinates does not exist.
     pub fn put_material(&mut self, key: &str, material: Material, mode: PutMode) -> Result<(), EditError> {
         self.materials.check(key, mode)?;
         let checked = self.base.check_parameters(&material);
@@ -29,7 +33,7 @@ impl SceneEditor {
         Ok(())
     }
 
-    /// Returns a material.
+    /// Returns the material with a key.
     ///
     /// # Errors
     /// There is no such material.
@@ -37,10 +41,10 @@ impl SceneEditor {
         self.materials.get(key)
     }
 
-    /// Adds or replaces a medium.
+    /// Adds or replaces a medium. Its name becomes `key`.
     ///
     /// # Errors
-    /// A value is out of range.
+    /// The key is empty or, with [`PutMode::New`], taken; or a value is out of range.
     pub fn put_medium(&mut self, key: &str, medium: Medium, mode: PutMode) -> Result<(), EditError> {
         self.media.check(key, mode)?;
         crate::validate::check_medium(&medium).map_err(|problem| EditError::value(EntryKind::Medium, key, &problem))?;
@@ -52,7 +56,7 @@ impl SceneEditor {
         Ok(())
     }
 
-    /// Returns a medium.
+    /// Returns the medium with a key.
     ///
     /// # Errors
     /// There is no such medium.
@@ -63,7 +67,8 @@ impl SceneEditor {
     /// Adds or replaces a light. A hidden light stays hidden.
     ///
     /// # Errors
-    /// A value is out of range, or an image does not exist.
+    /// The key is empty or, with [`PutMode::New`], taken; a value is out of range; an image does not exist; or the keys
+    /// of its motion are wrong: times that do not ascend, or a singular matrix.
     pub fn put_light(&mut self, key: &str, light: impl Into<EditedLight>, mode: PutMode) -> Result<(), EditError> {
         self.lights.check(key, mode)?;
         let light = light.into();
@@ -79,7 +84,7 @@ impl SceneEditor {
         Ok(())
     }
 
-    /// Returns a light.
+    /// Returns the light with a key.
     ///
     /// # Errors
     /// There is no such light.
@@ -87,10 +92,10 @@ impl SceneEditor {
         self.lights.get(key)
     }
 
-    /// Adds or replaces a camera. The first one is the default of pictures.
+    /// Adds or replaces a camera. Pictures for which no camera is named show the first one.
     ///
     /// # Errors
-    /// A value is out of range, its matrix scales, or its medium does not exist.
+    /// The key is empty or, with [`PutMode::New`], taken; or the errors of [`Self::check_camera`].
     pub fn put_camera(&mut self, key: &str, camera: Camera, mode: PutMode) -> Result<(), EditError> {
         self.cameras.check(key, mode)?;
         self.check_camera(key, &camera)?;
@@ -98,10 +103,13 @@ impl SceneEditor {
         Ok(())
     }
 
-    /// Checks that the scene can be seen through a camera.
+    /// Checks that the scene can be seen through a camera. Changes nothing.
+    ///
+    /// - `key`: names the camera in the error; it need not exist.
     ///
     /// # Errors
-    /// A value is out of range, its matrix scales, or its medium does not exist.
+    /// A value is out of range; the matrix scales or shears; the medium does not exist; or the keys of its motion are
+    /// wrong: times that do not ascend, or a singular matrix.
     pub fn check_camera(&self, key: &str, camera: &Camera) -> Result<(), EditError> {
         let checked = self.base.check_camera(camera);
         checked.map_err(|problem| EditError::value(EntryKind::Camera, key, &problem))?;
@@ -113,7 +121,7 @@ impl SceneEditor {
         Ok(())
     }
 
-    /// Returns a camera.
+    /// Returns the camera with a key.
     ///
     /// # Errors
     /// There is no such camera.
@@ -126,7 +134,7 @@ impl SceneEditor {
     /// - `material`: the key of its material; the number in `sphere` has no meaning.
     ///
     /// # Errors
-    /// A value is out of range, or the material does not exist.
+    /// The key is empty or, with [`PutMode::New`], taken; a value is out of range; or the material does not exist.
     pub fn put_sphere(&mut self, key: &str, sphere: Sphere, material: String, mode: PutMode) -> Result<(), EditError> {
         self.spheres.check(key, mode)?;
         crate::validate::check_sphere(&sphere).map_err(|problem| EditError::value(EntryKind::Sphere, key, &problem))?;
@@ -136,7 +144,8 @@ impl SceneEditor {
         Ok(())
     }
 
-    /// Returns a sphere and the key of its material.
+    /// Returns the sphere with a key, and the key of its material. The number of the material in the sphere has no
+    /// meaning.
     ///
     /// # Errors
     /// There is no such sphere.
@@ -144,7 +153,7 @@ impl SceneEditor {
         self.spheres.get(key).map(|it| (&it.sphere, &*it.material))
     }
 
-    /// Sets the environment; `None`: it is black.
+    /// Sets the environment, the light from infinitely far away; `None`: it is black.
     ///
     /// # Errors
     /// A value is out of range, or its image does not exist.
@@ -157,7 +166,7 @@ impl SceneEditor {
         Ok(())
     }
 
-    /// Returns the environment; `None`: it is black.
+    /// Returns the environment, the light from infinitely far away; `None`: it is black.
     pub fn environment(&self) -> Option<&Environment> {
         self.base.environment.as_ref()
     }
@@ -170,12 +179,12 @@ impl SceneEditor {
         self.images.get(key).copied()
     }
 
-    /// Returns the key of an image by its number; `None`: there is no such image.
+    /// Returns the key of the image with this number; `None`: there is no such image.
     pub fn image_key(&self, id: ImageId) -> Option<&str> {
         self.images.iter().find(|(_, number)| **number == id).map(|(key, _)| key)
     }
 
-    /// Returns columns and rows of an image.
+    /// Returns the number of columns and the number of rows of an image, in texels.
     ///
     /// # Errors
     /// There is no such image.
@@ -191,7 +200,7 @@ impl SceneEditor {
         self.media.get(key).copied()
     }
 
-    /// Returns the key of a medium by its number; `None`: there is no such medium.
+    /// Returns the key of the medium with this number; `None`: there is no such medium.
     pub fn medium_key(&self, id: MediumId) -> Option<&str> {
         self.media.iter().find(|(_, number)| **number == id).map(|(key, _)| key)
     }

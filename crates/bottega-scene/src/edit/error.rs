@@ -7,7 +7,7 @@ use serde::Serialize;
 /// The most keys that an error lists.
 const KEYS_MAX: usize = 8;
 
-/// The kinds of things in a scene that have keys.
+/// The kinds of entry of a [`SceneEditor`](crate::SceneEditor). Each kind has keys of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EntryKind {
@@ -23,7 +23,7 @@ pub enum EntryKind {
     Object,
     /// A sphere that is not triangulated.
     Sphere,
-    /// A light without a surface.
+    /// A light that is not an emissive surface; it may have an extent.
     Light,
     /// A camera.
     Camera,
@@ -44,7 +44,7 @@ impl fmt::Display for EntryKind {
     }
 }
 
-/// An edit that was refused. The scene is as it was before.
+/// The reason why an edit was refused. The scene is as it was before.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EditError {
     /// There is nothing with this key.

@@ -14,7 +14,7 @@ pub(super) struct KeyedList<T> {
     next: u64,
 }
 
-/// The treatment of a key that exists already.
+/// The treatment of a key that exists already, when an entry is put under it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PutMode {
     /// The key must be new.

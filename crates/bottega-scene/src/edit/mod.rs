@@ -41,7 +41,8 @@ use crate::texture::ImageId;
 use crate::validate::check_sphere;
 use crate::visibility::Visibility;
 
-/// A scene whose parts have keys.
+/// A scene whose parts have keys, by which they are added, replaced, moved, hidden and removed. An edit that returns an
+/// error changes nothing.
 #[derive(Clone, Debug)]
 pub struct SceneEditor {
     /// Images, media, mappings, environment and origin; everything else is in the lists.
@@ -71,12 +72,12 @@ struct EditedSphere {
     hidden: bool,
 }
 
-/// A light of an editor.
+/// A light of a [`SceneEditor`]: its kind, the rays that it reaches, and its motion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EditedLight {
     /// The kind, position and strength of the light.
     pub kind: EditedLightKind,
-    /// Kinds of ray that the thing reaches.
+    /// Kinds of ray that the light reaches.
     #[serde(default)]
     pub visibility: Visibility,
     /// Keys of a transformation of the light from where [`Self::kind`] puts it, world space to world space, if it moves.
@@ -86,7 +87,7 @@ pub struct EditedLight {
     hidden: bool,
 }
 
-/// The kinds of light of an editor.
+/// The kind of an [`EditedLight`], with its position and strength.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EditedLightKind {
@@ -112,7 +113,7 @@ impl Default for SceneEditor {
 }
 
 impl SceneEditor {
-    /// Makes an empty scene.
+    /// Returns an editor of an empty scene.
     pub fn new() -> Self {
         Self {
             base: Scene::default(),
@@ -127,10 +128,10 @@ impl SceneEditor {
         }
     }
 
-    /// Adds or replaces an image.
+    /// Adds or replaces an image. Its name becomes `key`.
     ///
     /// # Errors
-    /// The key cannot be used.
+    /// The key is empty or, with [`PutMode::New`], taken.
     pub fn put_image(&mut self, key: &str, image: Image, mode: PutMode) -> Result<(), EditError> {
         self.images.check(key, mode)?;
         let mut image = image;
@@ -148,10 +149,12 @@ impl SceneEditor {
 
     /// Adds or replaces a mesh. Objects that place it are changed with it.
     ///
-    /// - `materials`: keys of its materials by slot; slots beyond them are gray.
+    /// - `materials`: keys of its materials by slot. Empty: all slots are gray.
     ///
     /// # Errors
-    /// An array or a material is wrong, or an object cannot place the mesh.
+    /// The key is empty or, with [`PutMode::New`], taken; an array is wrong; a material does not exist; a triangle has
+    /// a slot beyond `materials`, unless these are empty; or an object that places the mesh has a matrix that moves it
+    /// out of reach.
     pub fn put_mesh(
         &mut self,
         key: &str,
@@ -167,10 +170,13 @@ impl SceneEditor {
 
     /// Adds or replaces a mesh whose vertices move.
     ///
-    /// - `keys`: times, ascending, and the mesh then: it differs from `mesh` in positions and normals alone.
+    /// - `mesh`: the mesh when the shutter opens.
+    /// - `keys`: times, ascending, in the unit of the shutter's times, each with the mesh at that time, which differs
+    ///   from `mesh` in positions and normals alone.
+    /// - `materials`: as for [`Self::put_mesh`].
     ///
     /// # Errors
-    /// The same as [`Self::put_mesh`]; or a key has other triangles than the mesh.
+    /// The same as [`Self::put_mesh`]; the times do not ascend; or a key has other triangles than the mesh.
     pub fn put_moving_mesh(
         &mut self,
         key: &str,
@@ -192,7 +198,8 @@ impl SceneEditor {
     /// - `materials`: the key of the material, or none: gray.
     ///
     /// # Errors
-    /// An array or the material is wrong, or an object cannot place the mesh.
+    /// The key is empty or, with [`PutMode::New`], taken; an array is wrong; the material does not exist; or an object
+    /// that places the mesh has a matrix that moves it out of reach.
     pub fn put_curves(
         &mut self,
         key: &str,
@@ -215,7 +222,8 @@ impl SceneEditor {
         Ok(())
     }
 
-    /// Returns the meshes of a mesh's material slots, and the keys of its materials.
+    /// Returns the parts of a mesh, one for each material slot in use, in the order of the slots, and the keys of its
+    /// materials by slot.
     ///
     /// # Errors
     /// There is no such mesh.
@@ -224,10 +232,12 @@ impl SceneEditor {
         Ok((mesh.parts.parts.iter().map(|(_, mesh)| &**mesh).collect(), &mesh.materials))
     }
 
-    /// Changes the materials of a mesh.
+    /// Replaces the materials of a mesh.
+    ///
+    /// - `materials`: keys by slot; slots beyond them are gray.
     ///
     /// # Errors
-    /// There is no such mesh or material.
+    /// There is no such mesh, or a material does not exist.
     pub fn set_mesh_materials(&mut self, key: &str, materials: Vec<String>) -> Result<(), EditError> {
         self.meshes.get(key)?;
         self.check_materials(&materials)?;
@@ -235,10 +245,12 @@ impl SceneEditor {
         Ok(())
     }
 
-    /// Adds or replaces an object.
+    /// Adds or replaces an object: a mesh placed in the world, once or many times.
     ///
     /// # Errors
-    /// The mesh or a material does not exist, or a matrix is singular.
+    /// The key is empty or, with [`PutMode::New`], taken; the mesh or a material does not exist; a matrix is singular
+    /// or moves the mesh out of reach; the keys of its motion are wrong: times that do not ascend, or another number of
+    /// matrices than instances; or the materials by instance do not match.
     pub fn put_object(&mut self, key: &str, object: PlacedObject, mode: PutMode) -> Result<(), EditError> {
         self.objects.check(key, mode)?;
         let bounds = self.meshes.get(&object.mesh)?.parts.bounds;
@@ -250,7 +262,7 @@ impl SceneEditor {
         Ok(())
     }
 
-    /// Returns an object.
+    /// Returns the object with a key.
     ///
     /// # Errors
     /// There is no such object.
@@ -258,11 +270,13 @@ impl SceneEditor {
         self.objects.get(key)
     }
 
-    /// Moves an object, which then stands still. If the number of its instances changes, materials by instance must be set
-    /// again.
+    /// Places an object elsewhere; its motion, if any, is removed.
+    ///
+    /// - `transforms`: object space to world space of each instance.
     ///
     /// # Errors
-    /// There is no such object, or a matrix is singular.
+    /// There is no such object; a matrix is singular or moves the mesh out of reach; or the object has materials by
+    /// instance for another number of instances. Put the object again to change that number.
     pub fn move_object(&mut self, key: &str, transforms: Vec<Affine3A>) -> Result<(), EditError> {
         let object = self.objects.get(key)?;
         check_transforms(&transforms, self.meshes.get(&object.mesh)?.parts.bounds)?;
@@ -279,11 +293,14 @@ impl SceneEditor {
         Ok(())
     }
 
-    /// Sets the path of an object while the shutter is open: times, ascending, each with the matrices of all instances. Empty:
-    /// it stands still.
+    /// Sets the path of an object while the shutter is open.
+    ///
+    /// - `motion`: times, ascending, in the unit of the shutter's times, each with one matrix from object space to
+    ///   world space per instance. Empty: the object stands still.
     ///
     /// # Errors
-    /// There is no such object, the times do not ascend, or a matrix is singular.
+    /// There is no such object; the times do not ascend; a key has another number of matrices than the object has
+    /// instances; or a matrix is singular, moves the mesh out of reach, or mirrors where others do not.
     pub fn set_object_motion(&mut self, key: &str, motion: Vec<(f64, Vec<Affine3A>)>) -> Result<(), EditError> {
         let object = PlacedObject { motion, ..self.objects.get(key)?.clone() };
         object.check_motion(self.meshes.get(&object.mesh)?.parts.bounds)?;
@@ -291,11 +308,14 @@ impl SceneEditor {
         Ok(())
     }
 
-    /// Sets the path of a camera or a light while the shutter is open. Keys of a camera are its matrices; those of a light
-    /// move it, in world space, from where it was put. None: it stands still.
+    /// Sets the path of a camera or a light while the shutter is open.
+    ///
+    /// - `motion`: keys, with times that ascend. Those of a camera are its matrices; those of a light move it, in world
+    ///   space, from where it was put. Empty: it stands still.
     ///
     /// # Errors
-    /// There is no such thing, or of a kind that has other keys; the times do not ascend, or a matrix is singular.
+    /// There is no such thing; it is neither a camera nor a light; the times do not ascend; or a matrix is singular,
+    /// out of reach, or mirrors where others do not.
     pub fn set_motion(&mut self, kind: EntryKind, key: &str, motion: Vec<TransformKey>) -> Result<(), EditError> {
         check_transform_keys(&motion).map_err(|problem| EditError::value(kind, key, &problem))?;
         match kind {
@@ -309,10 +329,13 @@ impl SceneEditor {
         Ok(())
     }
 
-    /// Sets the path of a sphere while the shutter is open: times, centres and radii. None: it stands still.
+    /// Sets the path of a sphere while the shutter is open.
+    ///
+    /// - `motion`: times, ascending, in the unit of the shutter's times, each with the centre in world space and the
+    ///   radius in scene units. Empty: the sphere stands still.
     ///
     /// # Errors
-    /// There is no such sphere, the times do not ascend, or a radius is not above 0.
+    /// There is no such sphere, the times do not ascend, a centre is out of reach, or a radius is not above 0.
     pub fn set_sphere_motion(&mut self, key: &str, motion: Vec<(f64, Vec3, f32)>) -> Result<(), EditError> {
         let sphere = &self.spheres.get(key)?.sphere;
         let world_from_object = sphere.world_from_object;
@@ -324,7 +347,7 @@ impl SceneEditor {
         Ok(())
     }
 
-    /// Sets the span of time that pictures show.
+    /// Sets the span of time that pictures show, and the light that the shutter lets pass in the course of it.
     ///
     /// # Errors
     /// It closes before it opens, a time is not finite, or its ramp is not from 0 to 0.5.
@@ -344,7 +367,7 @@ impl SceneEditor {
         self.base.shutter
     }
 
-    /// Sets the kinds of ray for which an object exists.
+    /// Sets the kinds of ray for which an object exists. Rays of other kinds pass through it.
     ///
     /// # Errors
     /// There is no such object.
@@ -353,7 +376,8 @@ impl SceneEditor {
         Ok(())
     }
 
-    /// Hides or shows an object, a sphere or a light.
+    /// Hides an object, a sphere or a light (`hidden`), or shows it again (`!hidden`). A hidden thing keeps its key,
+    /// and is not in the picture.
     ///
     /// # Errors
     /// There is no such thing, or its kind cannot be hidden.
@@ -368,10 +392,10 @@ impl SceneEditor {
         Ok(())
     }
 
-    /// Returns true if an object, a sphere or a light is hidden.
+    /// Returns true if an object, a sphere or a light is hidden; false for the other kinds, which cannot be hidden.
     ///
     /// # Errors
-    /// There is no such thing.
+    /// There is no such object, sphere or light.
     pub fn is_hidden(&self, kind: EntryKind, key: &str) -> Result<bool, EditError> {
         Ok(match kind {
             EntryKind::Object => self.objects.get(key)?.hidden,
@@ -381,8 +405,8 @@ impl SceneEditor {
         })
     }
 
-    /// Sorts the entries of a kind by a list of keys, as if they had been added in this order. Entries without one of these keys
-    /// follow. A picture depends on the order.
+    /// Sorts the entries of a kind by a list of keys, as if they had been added in this order. Entries without one of
+    /// these keys follow, in their order. A picture depends on the order.
     ///
     /// # Errors
     /// A key does not exist; nothing has changed then.
@@ -399,7 +423,8 @@ impl SceneEditor {
         }
     }
 
-    /// Returns the keys of a kind, in the order in which they were added.
+    /// Returns the keys of all entries of a kind, also of hidden ones, in the order in which they were added or
+    /// [arranged](Self::arrange).
     pub fn keys(&self, kind: EntryKind) -> Vec<&str> {
         match kind {
             EntryKind::Image => self.images.keys().collect(),
@@ -413,7 +438,7 @@ impl SceneEditor {
         }
     }
 
-    /// Returns the number of things of a kind.
+    /// Returns the number of entries of a kind, with hidden ones.
     pub fn count(&self, kind: EntryKind) -> usize {
         match kind {
             EntryKind::Image => self.images.len(),
@@ -427,7 +452,7 @@ impl SceneEditor {
         }
     }
 
-    /// Returns true if there is something of a kind with this key.
+    /// Returns true if an entry of a kind has this key.
     pub fn contains(&self, kind: EntryKind, key: &str) -> bool {
         self.check_exists(kind, key).is_ok()
     }
@@ -445,10 +470,10 @@ impl SceneEditor {
         }
     }
 
-    /// Removes a thing by its key.
+    /// Removes an entry by its key.
     ///
     /// # Errors
-    /// There is no such thing, or something else refers to it.
+    /// There is no such entry, or something else refers to it.
     pub fn remove(&mut self, kind: EntryKind, key: &str) -> Result<(), EditError> {
         self.check_exists(kind, key)?;
         if let Some(user) = self.user_of(kind, key) {

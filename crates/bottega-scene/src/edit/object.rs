@@ -38,7 +38,7 @@ pub enum MatrixRows<'a> {
 }
 
 impl MatrixRows<'_> {
-    /// Converts to transformations.
+    /// Returns the transformations, one per matrix, in the same order.
     ///
     /// # Errors
     /// The last row of a 4 × 4 matrix is not 0, 0, 0, 1.

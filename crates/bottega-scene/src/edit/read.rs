@@ -13,8 +13,8 @@ use crate::motion::TransformKey;
 use crate::texture::ImageId;
 
 impl SceneEditor {
-    /// Makes an editor of a scene. Keys are the names of the file, made unique by a number (`lamp`, `lamp.1`); what has no name is
-    /// called by its kind. An unchanged scene renders to the bits of the file.
+    /// Returns an editor of a scene. Keys are the names of the file, made unique by a number (`lamp`, `lamp.1`); a part
+    /// without a name is called by its kind. An unchanged scene renders to the same bits as the file.
     ///
     /// - `scene`: a scene that [`Scene::validate`] accepts.
     pub fn of(scene: Scene) -> Self {

@@ -24,8 +24,8 @@ struct SceneFiller<'a> {
 }
 
 impl SceneEditor {
-    /// Returns the scene as it is now. Meshes and images are shared with the editor, not copied; equal contents in equal order
-    /// give scenes whose pictures have the same bits, whatever the edits before.
+    /// Returns the scene as it is now, without what is hidden. Meshes and images are shared with the editor, not
+    /// copied; equal contents in equal order give scenes whose pictures have the same bits, whatever the edits before.
     pub fn snapshot(&self) -> Scene {
         let scene = Scene {
             materials: self.materials.iter().map(|(key, it)| Material { name: key.to_owned(), ..it.clone() }).collect(),

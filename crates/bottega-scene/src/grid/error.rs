@@ -1,6 +1,6 @@
 //! Errors of making a grid.
 
-/// An error of constructing a grid.
+/// The reason why arrays cannot become a [`Grid`](crate::Grid).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum GridError {
     /// The grid has no cells or too many.

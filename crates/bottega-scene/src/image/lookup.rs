@@ -20,8 +20,10 @@ impl Image {
         with_pyramid!(&self.texels, pyramid => pyramid.lookup(map, at, footprint))
     }
 
-    /// Returns the derivatives of [`eval`](Self::eval)'s linear RGBA along u and v. 0 where texels are not
-    /// interpolated.
+    /// Returns the derivatives of [`eval`](Self::eval)'s linear RGBA along u and v, per unit of `uv`. 0 where texels
+    /// are not interpolated.
+    ///
+    /// - `map`, `uv`, `footprint`: as for [`eval`](Self::eval).
     pub fn slopes(&self, map: &TextureMap, uv: Vec2, footprint: f32) -> [Vec4; 2] {
         let at = map.picture_from_uv.transform_point2(uv);
         let [along_x, along_y] = with_pyramid!(&self.texels, pyramid => pyramid.slopes(map, at, footprint));
@@ -29,7 +31,8 @@ impl Image {
             .map(|axis| along_x * axis.x + along_y * axis.y)
     }
 
-    /// Returns the alpha of [`eval`](Self::eval), without a lookup if the picture has none.
+    /// Returns the alpha of [`eval`](Self::eval), in [0, 1] for 8-bit and 16-bit pictures; 1, without a lookup, if the
+    /// picture has none.
     pub fn alpha(&self, map: &TextureMap, uv: Vec2, footprint: f32) -> f32 {
         if self.has_alpha() { self.eval(map, uv, footprint).w } else { 1.0 }
     }

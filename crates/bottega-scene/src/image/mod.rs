@@ -72,8 +72,8 @@ macro_rules! rearranged {
 }
 
 impl Image {
-    /// Makes a picture of linear RGB without alpha, row-major from the upper row. Negative values and values that are not
-    /// finite become 0; values above [`VALUE_MAX`] become [`VALUE_MAX`].
+    /// Returns a picture of linear RGB without alpha, row-major from the upper row. Negative values and values that are
+    /// not finite become 0; values above [`VALUE_MAX`] become [`VALUE_MAX`].
     ///
     /// # Panics
     ///
@@ -83,19 +83,30 @@ impl Image {
         Self { name: name.into(), texels: Texels::Rgb32(Pyramid::new(width, height, texels, Encoding::Linear)) }
     }
 
-    /// Makes a picture of numbers, which may be negative; see [`from_linear_rgb`](Self::from_linear_rgb).
+    /// Returns a picture of three numbers per texel, row-major from the upper row. They are kept as they are, and may
+    /// be negative.
+    ///
+    /// # Panics
+    ///
+    /// Unless `texels` has `width × height` elements, at least one.
     pub fn from_numbers(name: impl Into<String>, width: u32, height: u32, texels: Vec<[f32; 3]>) -> Self {
         Self { name: name.into(), texels: Texels::Rgb32(Pyramid::new(width, height, texels, Encoding::Linear)) }
     }
 
-    /// Makes a picture of linear RGBA with straight alpha, row-major from the upper row; see
+    /// Returns a picture of linear RGBA with straight alpha, row-major from the upper row. Values are limited as by
     /// [`from_linear_rgb`](Self::from_linear_rgb).
+    ///
+    /// # Panics
+    ///
+    /// Unless `texels` has `width × height` elements, at least one.
     pub fn from_linear_rgba(name: impl Into<String>, width: u32, height: u32, mut texels: Vec<[f32; 4]>) -> Self {
         texels.iter_mut().flatten().for_each(make_radiance);
         Self { name: name.into(), texels: Texels::Rgba32(Pyramid::new(width, height, texels, Encoding::Linear)) }
     }
 
-    /// Makes a picture of 8-bit RGBA, row-major from the upper row; `srgb`: the colours are encoded as sRGB.
+    /// Returns a picture of 8-bit RGBA, row-major from the upper row. Alpha that is 255 everywhere is dropped.
+    ///
+    /// - `srgb`: `true`: the colours are encoded as sRGB; `false`: they are linear. Alpha is always linear.
     ///
     /// # Panics
     ///
@@ -112,19 +123,28 @@ impl Image {
         Self { name: name.into(), texels }
     }
 
-    /// Makes a picture of 8-bit RGB; see [`from_rgba8`](Self::from_rgba8).
+    /// Returns a picture of 8-bit RGB, row-major from the upper row; `srgb` as for [`from_rgba8`](Self::from_rgba8).
+    ///
+    /// # Panics
+    ///
+    /// Unless `texels` has `width × height` elements, at least one.
     pub fn from_rgb8(name: impl Into<String>, width: u32, height: u32, texels: Vec<[u8; 3]>, srgb: bool) -> Self {
         let encoding = if srgb { Encoding::Srgb } else { Encoding::Linear };
         Self { name: name.into(), texels: Texels::Rgb8(Pyramid::new(width, height, texels, encoding)) }
     }
 
-    /// Makes a picture of 8-bit gray; see [`from_rgba8`](Self::from_rgba8).
+    /// Returns a picture of 8-bit gray, row-major from the upper row; `srgb` as for [`from_rgba8`](Self::from_rgba8).
+    ///
+    /// # Panics
+    ///
+    /// Unless `texels` has `width × height` elements, at least one.
     pub fn from_gray8(name: impl Into<String>, width: u32, height: u32, texels: Vec<u8>, srgb: bool) -> Self {
         let encoding = if srgb { Encoding::Srgb } else { Encoding::Linear };
         Self { name: name.into(), texels: Texels::Gray8(Pyramid::new(width, height, texels, encoding)) }
     }
 
-    /// Makes a picture of 16-bit RGBA; `srgb`: the colours are encoded as sRGB, and are converted to linear here.
+    /// Returns a picture of 16-bit RGBA, row-major from the upper row; `srgb`: the colours are encoded as sRGB, and are
+    /// converted to linear here.
     ///
     /// # Panics
     ///
@@ -146,7 +166,7 @@ impl Image {
         Self { name: name.into(), texels: Texels::Rgba16(Pyramid::new(width, height, texels, Encoding::Linear)) }
     }
 
-    /// Returns the replacement of a missing picture: one magenta texel.
+    /// Returns the replacement of a picture that cannot be read: one magenta texel.
     pub fn missing(name: impl Into<String>) -> Self {
         Self::from_rgb8(name, 1, 1, vec![[255, 0, 255]], false)
     }
@@ -203,7 +223,7 @@ impl Image {
         })
     }
 
-    /// Returns the mean of all texels, linear RGBA.
+    /// Returns the mean of all texels, linear RGBA: the texel of the last mip level.
     pub fn mean(&self) -> Vec4 {
         self.level_texel(self.level_count() - 1, 0, 0)
     }
@@ -213,12 +233,12 @@ impl Image {
         matches!(self.texels, Texels::Gray8(_))
     }
 
-    /// Returns true if a texel may have an alpha below 1.
+    /// Returns true if the picture has an alpha channel, so that a texel may have an alpha below 1.
     pub fn has_alpha(&self) -> bool {
         matches!(self.texels, Texels::Rgba8(_) | Texels::Rgba16(_) | Texels::Rgba32(_))
     }
 
-    /// Returns true if the image's values may exceed 1.
+    /// Returns true if the picture has floating-point values, which may exceed 1.
     pub fn is_high_dynamic_range(&self) -> bool {
         matches!(self.texels, Texels::Rgb32(_) | Texels::Rgba32(_))
     }
@@ -233,7 +253,8 @@ fn make_radiance(value: &mut f32) {
     *value = if value.is_finite() && *value > 0.0 { value.min(VALUE_MAX) } else { 0.0 };
 }
 
-/// Converts one channel in [0, 1] from sRGB to linear. 8-bit codes are looked up.
+/// Converts one channel in [0, 1] from sRGB to linear. Values at 8-bit codes have the bits of
+/// [`linear_of_srgb_codes`](crate::linear_of_srgb_codes).
 pub fn linear_of_srgb(encoded: f64) -> f64 {
     let code = encoded * 255.0;
     let nearest = code.round();

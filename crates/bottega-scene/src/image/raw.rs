@@ -3,7 +3,7 @@
 use super::pyramid::{Encoding, Pyramid, Texel};
 use super::{Image, Texels, srgb, with_pyramid};
 
-/// The texels of one mip level, row-major from the upper row.
+/// The texels of one mip level, row-major from the upper row, in the format in which the picture keeps them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LevelTexels<'a> {
     /// 8-bit gray codes, opaque.
@@ -53,13 +53,14 @@ impl Image {
         }
     }
 
-    /// Returns true if 8-bit colour codes convert by [`linear_of_srgb_codes`].
+    /// Returns true if the colours of an 8-bit picture are sRGB codes, which convert by [`linear_of_srgb_codes`]; false
+    /// if its values are linear.
     pub fn is_srgb(&self) -> bool {
         with_pyramid!(&self.texels, pyramid => pyramid.encoding == Encoding::Srgb)
     }
 }
 
-/// Returns the linear value of each 8-bit sRGB code.
+/// Returns the table of the linear values of all 8-bit sRGB codes, by code.
 pub fn linear_of_srgb_codes() -> &'static [f32; 256] {
     &srgb::LINEAR_OF_SRGB
 }

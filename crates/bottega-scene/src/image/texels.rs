@@ -17,7 +17,8 @@ pub(super) enum DecodedTexels {
 }
 
 impl DecodedTexels {
-    /// Replaces NaN, infinite and huge floats; see [`values::mend`].
+    /// Replaces NaN, infinite and huge floats; see [`values::mend`]. Returns a note for a warning; `None`: nothing
+    /// changed.
     pub(super) fn mend(&mut self) -> Option<String> {
         match self {
             Self::Rgb32(texels) => values::mend(texels.as_flattened_mut()),

@@ -164,12 +164,12 @@ pub(super) fn next_word<'a>(line: &mut &'a [u8]) -> Option<&'a [u8]> {
     Some(&rest[..end])
 }
 
-/// Parses a decimal number, rounded to the nearest `f32`.
+/// Parses a decimal number, rounded to the nearest `f32`; `None`: it is not one.
 pub(super) fn float(word: &[u8]) -> Option<f32> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
-/// Parses an integer of at most 18 digits.
+/// Parses an integer of at most 18 digits; `None`: it is not one.
 pub(super) fn integer(word: &[u8]) -> Option<i64> {
     let (digits, negative) = match word {
         [b'-', digits @ ..] => (digits, true),

@@ -134,14 +134,14 @@ impl Document {
 }
 
 impl Object {
-    /// Returns a property by name, and marks it as read.
+    /// Returns a property by name, and marks it as read; `None`: there is none.
     pub(super) fn property(&self, name: &str) -> Option<&ObjectProperty> {
         let property = self.properties.iter().find(|property| property.name == name)?;
         property.used.set(true);
         Some(property)
     }
 
-    /// Returns the nested object of a role, and marks it as read.
+    /// Returns the nested object of a role, and marks it as read; `None`: there is none.
     pub(super) fn child(&self, name: &str) -> Option<&Child> {
         let child = self.children.iter().find(|child| child.name == name)?;
         child.used.set(true);
@@ -240,7 +240,7 @@ impl Object {
         }
     }
 
-    /// Returns a point or vector.
+    /// Returns a point or vector by its name; `None`: there is no such property.
     pub(super) fn vector(&self, name: &str) -> Result<Option<DVec3>, TextFault> {
         match self.property(name) {
             None => Ok(None),

@@ -12,7 +12,7 @@ use crate::motion::SphereKey;
 /// The key of a mesh from a file, without its transformation: plugin, properties and nested objects.
 pub(super) type MeshKey = (String, Vec<String>, Vec<ObjectId>);
 
-/// Returns the key of a shape from a mesh file.
+/// Returns the key of a shape from a mesh file; `None`: the shape is not from a file.
 pub(super) fn mesh_key(object: &Object) -> Option<MeshKey> {
     if !matches!(object.plugin.as_str(), "obj" | "ply" | "serialized") {
         return None;

@@ -27,7 +27,7 @@ pub(super) struct XmlElement {
 }
 
 impl XmlElement {
-    /// Returns the value of an attribute.
+    /// Returns the value of the attribute with a name; `None`: there is none.
     pub(super) fn attribute(&self, name: &str) -> Option<&str> {
         self.attributes.iter().find(|attribute| attribute.0 == name).map(|attribute| attribute.1.as_str())
     }

@@ -140,7 +140,7 @@ fn convert(context: &mut Context<'_>, entity: &Entity, exposure: Exposure) -> Im
     Ok(Some(Medium { name: String::new(), absorption, scattering, emission, g: g as f32, variation }))
 }
 
-/// Returns absorption and reduced scattering of a substance, per millimetre.
+/// Returns absorption and reduced scattering of a substance, per millimetre; `None`: the name is unknown.
 pub(super) fn preset_coefficients(name: &str) -> Option<[DVec3; 2]> {
     let lines = include_str!("presets.txt").lines().filter(|line| !line.starts_with('#'));
     for line in lines {

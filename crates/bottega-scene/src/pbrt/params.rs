@@ -114,7 +114,8 @@ impl Params {
         self
     }
 
-    /// Returns the parameter of a name and one of the types that takes precedence.
+    /// Returns the parameter that takes precedence among those with this name and one of these types; `None`: there is
+    /// none. Marks them as read.
     pub(super) fn find(&self, name: &str, kinds: &[&str]) -> Option<&Param> {
         let found = self.list.iter().find(|param| param.name == name && kinds.contains(&param.kind.as_str()))?;
         // Mark the overridden ones as read, too.
@@ -164,17 +165,17 @@ impl Params {
         if let Values::Numbers(numbers) = &param.values { Some((numbers, param.at)) } else { None }
     }
 
-    /// Returns a single number.
+    /// Returns a single number by its name; `None`: not given.
     pub(super) fn float(&self, name: &str) -> Result<Option<f64>, TextFault> {
         self.numbers(name, "float").map(|(numbers, at)| one(numbers, at, name)).transpose()
     }
 
-    /// Returns a single integer.
+    /// Returns a single integer by its name; `None`: not given.
     pub(super) fn integer(&self, name: &str) -> Result<Option<i64>, TextFault> {
         self.numbers(name, "integer").map(|(numbers, at)| one(numbers, at, name).map(|x| x as i64)).transpose()
     }
 
-    /// Returns a single boolean.
+    /// Returns a single boolean by its name; `None`: not given.
     pub(super) fn bool(&self, name: &str) -> Result<Option<bool>, TextFault> {
         let Some(param) = self.find(name, &["bool"]) else { return Ok(None) };
         match &param.values {
@@ -183,18 +184,18 @@ impl Params {
         }
     }
 
-    /// Returns a single text.
+    /// Returns a single text by its name; `None`: not given.
     pub(super) fn text(&self, name: &str) -> Result<Option<&str>, TextFault> {
         self.texts(name).map(|(texts, at)| one_of(texts, at, name).map(String::as_str)).transpose()
     }
 
-    /// Returns a list of texts.
+    /// Returns a list of texts by its name; `None`: not given.
     pub(super) fn texts(&self, name: &str) -> Option<(&[String], TextPlace)> {
         let param = self.find(name, &["string"])?;
         if let Values::Texts(texts) = &param.values { Some((texts, param.at)) } else { None }
     }
 
-    /// Returns the name of a texture.
+    /// Returns the name of the texture that a parameter refers to; `None`: the parameter is not a texture.
     pub(super) fn texture(&self, name: &str) -> Result<Option<(&str, TextPlace)>, TextFault> {
         let Some(param) = self.find(name, &["texture"]) else { return Ok(None) };
         match &param.values {
@@ -203,27 +204,27 @@ impl Params {
         }
     }
 
-    /// Returns a list of numbers.
+    /// Returns a list of numbers by its name; `None`: not given.
     pub(super) fn floats(&self, name: &str) -> Option<&[f64]> {
         self.numbers(name, "float").map(|(numbers, _)| numbers)
     }
 
-    /// Returns a list of integers.
+    /// Returns a list of integers by its name; `None`: not given.
     pub(super) fn integers(&self, name: &str) -> Option<&[f64]> {
         self.numbers(name, "integer").map(|(numbers, _)| numbers)
     }
 
-    /// Returns a list of 2D points.
+    /// Returns a list of 2D points by its name; `None`: not given.
     pub(super) fn points2(&self, name: &str) -> Result<Option<Vec<DVec2>>, TextFault> {
         self.tuples(name, "point2", |[x, y]| DVec2::new(x, y))
     }
 
-    /// Returns a list of 3D points, or normals or vectors for `kind` `normal` or `vector3`.
+    /// Returns a list of 3D points, or normals or vectors for `kind` `normal` or `vector3`; `None`: not given.
     pub(super) fn points3(&self, name: &str, kind: &str) -> Result<Option<Vec<DVec3>>, TextFault> {
         self.tuples(name, kind, |[x, y, z]| DVec3::new(x, y, z))
     }
 
-    /// Returns a single point or vector.
+    /// Returns a single point or vector; `None`: not given.
     pub(super) fn point3(&self, name: &str, kind: &str) -> Result<Option<DVec3>, TextFault> {
         let Some(points) = self.points3(name, kind)? else { return Ok(None) };
         one(&points, self.place_of(name), name).map(Some)
@@ -307,7 +308,7 @@ fn push_value(values: &mut Values, token: &Token<'_>, at: TextPlace, kind: &str)
     Ok(())
 }
 
-/// Parses a finite number.
+/// Parses a finite number; `None`: it is not one.
 pub(super) fn number(word: &str) -> Option<f64> {
     // Other words that `f64` parses start with a letter: inf, nan, infinity.
     let is_number = word.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'+' | b'-' | b'.' | b'e' | b'E'));

@@ -133,7 +133,7 @@ pub(super) struct JoinedMeshes {
 }
 
 impl JoinedMeshes {
-    /// Adds a mesh. Returns a joined mesh that has become large.
+    /// Adds a mesh to those that it can be joined with. Returns a joined mesh that has become large; `None`: none has.
     pub(super) fn add(&mut self, mesh: Mesh, at: TextPlace) -> Option<Mesh> {
         let has = [!mesh.normals.is_empty(), !mesh.uvs[0].is_empty(), !mesh.tangents.is_empty()];
         let key = (mesh.material, has, mesh.curves.as_ref().map(|curves| curves.look));

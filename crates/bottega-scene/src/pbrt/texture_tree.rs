@@ -42,7 +42,7 @@ pub(super) struct PictureNode {
     pub(super) gamma: Option<f64>,
 }
 
-/// Returns the value of a constant tree.
+/// Returns the value of a constant tree; `None`: it is not constant.
 pub(super) fn constant(node: &TextureNode) -> Option<DVec3> {
     match node {
         TextureNode::Constant(value) => Some(*value),

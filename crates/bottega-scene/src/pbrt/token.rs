@@ -50,7 +50,7 @@ impl<'a> Tokens<'a> {
         }
     }
 
-    /// Returns the next token without taking it.
+    /// Returns the next token without taking it; `None`: the text has ended.
     pub(super) fn peek(&mut self) -> Result<Option<&(Token<'a>, TextPlace)>, TextFault> {
         if self.peeked.is_none() {
             self.peeked = Some(self.scan()?);

@@ -3,7 +3,8 @@
 use crate::import::text_place::{TextFault, TextPlace};
 use glam::{Affine3A, DAffine3, DMat3, DMat4, DVec3};
 
-/// Returns pbrt's `LookAt`: world space to a left-handed camera that looks along its +z.
+/// Returns pbrt's `LookAt`: world space to a left-handed camera that looks along its +z. `None`: the directions are
+/// degenerate.
 pub(super) fn look_at(eye: DVec3, look: DVec3, up: DVec3) -> Option<DAffine3> {
     let z = (look - eye).try_normalize()?;
     let x = up.try_normalize()?.cross(z).try_normalize()?;

@@ -207,7 +207,7 @@ impl Default for GraphicsState {
 }
 
 impl Target {
-    /// Returns the target of a name.
+    /// Returns the target with a name in the file; `None`: the name is unknown.
     pub(super) fn named(name: &str) -> Option<Self> {
         Some(match name {
             "shape" => Self::Shape,

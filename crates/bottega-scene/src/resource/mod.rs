@@ -44,7 +44,7 @@ pub(crate) struct Resources<'a> {
     news: Mutex<Warnings>,
 }
 
-/// A file that a scene refers to.
+/// A file that a scene refers to and that was read with it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SceneFile {
     /// The reference in normal form: relative to the folder of the scene, or absolute.

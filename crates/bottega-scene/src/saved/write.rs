@@ -18,9 +18,10 @@ use crate::image::raw::LevelTexels;
 use crate::medium::Medium;
 use crate::model::{Mesh, Scene};
 
-/// Writes a scene to a file of Bottega's own format, completely or not at all. Reading it gives the same scene, bit for bit.
+/// Writes a scene to a file of Bottega's own format, completely or not at all. Loading it gives the same scene, bit for
+/// bit.
 ///
-/// - `hints`: render settings that the scene asks for.
+/// - `hints`: render settings that are stored with the scene.
 ///
 /// # Errors
 /// The file cannot be written.

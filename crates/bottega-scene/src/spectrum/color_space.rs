@@ -22,7 +22,7 @@ pub(crate) enum ColorSpace {
 }
 
 impl ColorSpace {
-    /// Returns the colour space of a name in pbrt files.
+    /// Returns the colour space with a name in pbrt files; `None`: the name is unknown.
     pub(crate) fn named(name: &str) -> Option<Self> {
         Some(match name.to_ascii_lowercase().as_str() {
             "srgb" => Self::Srgb,

@@ -5,7 +5,8 @@ use glam::DVec3;
 use super::sampled::{SampledSpectrum, rgb};
 use crate::color::Spectrum;
 
-/// Returns index of refraction and absorption of a metal, per colour, as in Mitsuba 3's variants `*_rgb`.
+/// Returns index of refraction and absorption of a metal, per colour, as in Mitsuba 3's variants `*_rgb`. `None`: the
+/// name is unknown.
 ///
 /// - `name`: as in Mitsuba's `material` ("Au"), or the part between "metal-" and "-eta" in pbrt-v4.
 pub(crate) fn metal(name: &str) -> Option<(Spectrum, Spectrum)> {
@@ -17,7 +18,7 @@ pub(crate) fn metal(name: &str) -> Option<(Spectrum, Spectrum)> {
     Some((eta.mitsuba_radiance(), k.mitsuba_radiance()))
 }
 
-/// Returns the measured n and k of a metal.
+/// Returns the measured n and k of a metal; `None`: the name is unknown.
 pub(crate) fn metal_spectra(name: &str) -> Option<(SampledSpectrum, SampledSpectrum)> {
     let (mut eta, mut k) = (Vec::new(), Vec::new());
     let mut is_found = false;
@@ -41,7 +42,7 @@ pub(crate) fn metal_spectra(name: &str) -> Option<(SampledSpectrum, SampledSpect
 }
 
 /// Returns the index of refraction at 587.6 nm (the yellow helium line, n_d) of pbrt-v4's glasses, from
-/// refractiveindex.info.
+/// refractiveindex.info. `None`: the name is unknown.
 ///
 /// - `name`: with or without "glass-".
 pub(crate) fn glass(name: &str) -> Option<f32> {
@@ -57,7 +58,8 @@ pub(crate) fn glass(name: &str) -> Option<f32> {
     })
 }
 
-/// Returns the index of refraction of a name in Mitsuba 3's `int_ior` and `ext_ior`.
+/// Returns the index of refraction that a name stands for in Mitsuba 3's `int_ior` and `ext_ior`; `None`: the name is
+/// unknown.
 pub(crate) fn mitsuba_ior(name: &str) -> Option<f32> {
     Some(match name.to_ascii_lowercase().as_str() {
         "vacuum" => 1.0,
@@ -87,7 +89,7 @@ pub(crate) fn mitsuba_ior(name: &str) -> Option<f32> {
     })
 }
 
-/// Returns the colour, with luminance 1, of a CIE illuminant that pbrt-v4 names.
+/// Returns the colour, with luminance 1, of a CIE illuminant that pbrt-v4 names. `None`: the name is unknown.
 ///
 /// - `name`: with or without "stdillum-".
 pub(crate) fn illuminant(name: &str) -> Option<Spectrum> {

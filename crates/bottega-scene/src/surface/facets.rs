@@ -73,7 +73,7 @@ impl Default for Facets {
 }
 
 impl Facets {
-    /// Returns no facets: a smooth boundary.
+    /// Returns the facets of a smooth boundary, with roughness 0.
     pub fn smooth() -> Self {
         Self::default()
     }

@@ -6,7 +6,7 @@ use crate::subsurface::Substance;
 use crate::texture::TextureMap;
 
 impl Surface {
-    /// Returns all colour and number parameters of the surface, including those with textures.
+    /// Returns all colour parameters of the surface, and all its number parameters, each with or without a texture.
     pub fn params(&self) -> (Vec<&ColorParam>, Vec<&ScalarParam>) {
         let (mut colors, mut scalars) = (Vec::new(), Vec::new());
         self.add_params(&mut colors, &mut scalars);

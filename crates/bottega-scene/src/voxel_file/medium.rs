@@ -27,10 +27,11 @@ pub struct Voxels {
 }
 
 impl Voxels {
-    /// Reads a file of voxels. `Ok(None)`: the file has no such density of a kind that can be read, or it is 0 everywhere.
+    /// Reads the grids of a medium from an OpenVDB or NanoVDB file. `Ok(None)`: the file has no such density of a kind
+    /// that can be read, or it is 0 everywhere.
     ///
-    /// - `density`, `temperature`: names of grids.
-    /// - `max_memory_bytes`: memory of the file and the grids.
+    /// - `density`, `temperature`: names of grids in the file.
+    /// - `max_memory_bytes`: most memory of the file and the grids together, in bytes.
     ///
     /// # Errors
     /// The file cannot be read, is damaged, is not a voxel file or needs more memory.
@@ -49,17 +50,22 @@ impl Voxels {
         read(path, &bytes, density, temperature, &budget)
     }
 
-    /// Lists the grids of a file of voxels: names, and kinds of values as the format calls them.
+    /// Lists the grids of a file of voxels. Returns the name of each grid, and the kind of its values as the format
+    /// calls it.
+    ///
+    /// - `max_memory_bytes`: most memory of the file, in bytes.
     ///
     /// # Errors
-    /// The file cannot be read, is damaged or is not a voxel file.
+    /// The file cannot be read, is damaged, is not a voxel file or needs more memory.
     pub fn list(path: &Path, max_memory_bytes: usize) -> Result<Vec<(String, String)>, SceneError> {
         let bytes = read_file(path, &MemoryBudget::new(max_memory_bytes))?;
         let (_, grids) = format::list(&bytes).map_err(|error| error.in_file(path))?;
         Ok(grids.into_iter().map(|grid| (grid.name, grid.kind)).collect())
     }
 
-    /// Returns the transformation from the world to the unit cube; `None`: the box is flat or out of reach.
+    /// Returns the transformation from world space to the grids' unit cube; `None`: the box is flat or out of reach.
+    ///
+    /// - `world_from_file`: transformation from the space of the file to world space.
     pub fn grid_from_world(&self, world_from_file: &DAffine3) -> Option<Affine3A> {
         let grid_from_world = (*world_from_file * self.file_from_cube).inverse().as_affine3a();
         grid_from_world.is_finite().then_some(grid_from_world)

@@ -50,7 +50,7 @@ impl<'a> Guidance<'a> {
         self.agent
     }
 
-    /// Returns the learned choice of lights.
+    /// Returns the learned choice of lights; `None`: none was learned there.
     #[inline(always)]
     pub(super) fn lights(&self) -> Option<&'a Choice> {
         self.agent?.lights()
@@ -66,7 +66,7 @@ impl<'a> Guidance<'a> {
     }
 
     /// Samples a direction by the guide and the BSDF. Returns the sample with the density of the mixture, and the
-    /// density of the BSDF alone.
+    /// density of the BSDF alone. `None`: the path ends.
     #[inline(always)]
     pub(super) fn sample(&self, point: &Interaction, bsdf: &BsdfAt<'_>, u: Quad) -> Option<(BsdfSample, f32)> {
         match self.region {
@@ -112,7 +112,7 @@ impl<'a> Path<'a> {
         guidance
     }
 
-    /// Returns the learned choice of lights at the previous vertex.
+    /// Returns the learned choice of lights at the previous vertex; `None`: none was learned there.
     #[inline(always)]
     pub(super) fn previous_choice(&self) -> Option<&Choice> {
         self.guide?.agent(self.previous.leaf as usize)?.lights()

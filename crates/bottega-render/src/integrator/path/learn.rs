@@ -26,7 +26,9 @@ const LEARNING_DEPTH: u32 = 24;
 
 impl<'a> PathIntegrator<'a> {
     /// Creates the path tracer of the picture `view`, and learns its guide if the settings ask for one and `prepass`
-    /// has none.
+    /// has none, which takes long.
+    ///
+    /// - `prepass`: belongs to `prepared`.
     ///
     /// # Errors
     /// [`RenderError::EmptyPicture`].
@@ -173,8 +175,11 @@ fn settled(guide: Arc<Guide>, plan: PaintPlan) -> Guide {
 /// Learns the guide of a picture together with other machines that render it, if `prepass` has none. Does nothing for
 /// pictures without guiding.
 ///
+/// - `prepass`: belongs to `prepared`.
+/// - `others`: the other machines, which must call this for the same picture.
+///
 /// # Errors
-/// The view does not fit the scene, or the picture was abandoned before its end.
+/// [`RenderError::EmptyPicture`], or an error of [`Sharing::share`], such as [`RenderError::Left`].
 pub fn learn_together(
     prepared: &PreparedScene,
     prepass: &Prepass,

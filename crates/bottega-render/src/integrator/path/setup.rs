@@ -16,7 +16,7 @@ use crate::{
     settings::{PathSettings, View},
 };
 
-/// The path tracer of one picture. Cheap to create: one per block of work.
+/// The path tracer of one picture. Cheap to create once its guide is learnt: one per block of work.
 pub struct PathIntegrator<'a> {
     /// The prepared scene.
     pub(super) prepared: &'a PreparedScene,

@@ -13,8 +13,10 @@ use super::{
 use crate::{ala::Agents, camera::CameraRay, photon::cache::IrradianceCache, sampler::PixelSampler};
 
 impl PhotonIntegrator<'_> {
-    /// Traces the photons that samples of these indices need, and builds the irradiance cache and the lighting agents, if
-    /// they are used and do not exist yet. Uses all threads that the scene was prepared with.
+    /// Traces the photons that some samples need, and builds the irradiance cache and the lighting agents, if they are
+    /// used and do not exist yet. Uses all threads that the scene was prepared with.
+    ///
+    /// - `samples`: indices of the samples; only a progressive picture has photons for each.
     pub fn cast(&self, samples: Range<u32>) {
         // Trace the photons of each pass; all samples share one pass unless the rendering is progressive
         for sample in samples {

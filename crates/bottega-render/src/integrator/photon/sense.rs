@@ -60,7 +60,7 @@ impl<'a> PhotonIntegrator<'a> {
     /// - `settings`: from [`sensing_settings`].
     ///
     /// # Errors
-    /// [`RenderError::PhotonsInMedia`].
+    /// [`RenderError::PhotonsInMedia`], [`RenderError::NoCamera`].
     pub(crate) fn sensing(
         prepared: &'a PreparedScene,
         settings: &'a PathSettings,

@@ -15,7 +15,10 @@ pub(super) enum Filter {
 }
 
 impl Filter {
-    /// Returns the filter of a name.
+    /// Returns the filter with a name in the file; `None`: no filter.
+    ///
+    /// # Errors
+    /// There is no filter of that name.
     pub(super) fn of(name: Option<&str>) -> Result<Option<Self>, GltfError> {
         Ok(match name {
             None | Some("NONE") => None,

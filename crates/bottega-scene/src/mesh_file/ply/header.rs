@@ -147,7 +147,7 @@ impl Element {
             .unwrap_or_default()
     }
 
-    /// Returns the property that lists the corners of a face or strip.
+    /// Returns the index of the property that lists the corners of a face or strip; `None`: there is none.
     pub(super) fn corners(&self) -> Option<usize> {
         self.properties.iter().position(|property| {
             property.count.is_some() && matches!(&property.name[..], b"vertex_indices" | b"vertex_index")

@@ -10,7 +10,7 @@ pub(super) enum Role {
 }
 
 impl Role {
-    /// Returns the role of a property name used by exporters.
+    /// Returns the role of a property name used by exporters; `None`: the name is unknown.
     pub(super) fn new(name: &[u8]) -> Option<Self> {
         Some(match name {
             b"x" => Self::Position(0),

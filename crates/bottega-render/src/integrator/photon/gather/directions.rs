@@ -45,7 +45,8 @@ impl IncidentSampling<'_> {
 }
 
 impl GatherSettings<'_> {
-    /// Draws a direction. Returns it with its density by the BSDF, and the density that it was drawn with.
+    /// Draws a direction. Returns it with its density by the BSDF, and the density that it was drawn with. `None`: the
+    /// BSDF scatters nothing for these numbers.
     #[inline(always)]
     pub(super) fn drawn(&self, vertex: &SurfaceVertex<'_>, u: Quad) -> Option<(BsdfSample, SolidAnglePdf)> {
         // Sample the BSDF alone if the directions of light are unknown

@@ -16,7 +16,8 @@ use crate::{
 const LOOKS: u32 = 16;
 
 impl<'a> GatherPath<'a> {
-    /// Returns the directional light that agents know at a surface that is not matte.
+    /// Returns the directional light that agents know at a surface that is not matte; `None`: the surface is matte or
+    /// transmits light, or agents know none.
     pub(super) fn surroundings(
         &mut self,
         state: &GatherState,

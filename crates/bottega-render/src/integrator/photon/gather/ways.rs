@@ -12,7 +12,7 @@ const CARRIED_MIN: f32 = 0.01;
 const DEPTH_MAX: u32 = 16;
 
 impl GatherPath<'_> {
-    /// Returns reflection and refraction, the stronger one first, where both carry enough to be traced.
+    /// Returns reflection and refraction, the stronger one first, if both carry enough to be traced; else `None`.
     pub(super) fn ways_worth_going(&self, state: &GatherState, vertex: &SurfaceVertex<'_>) -> Option<[BsdfSample; 2]> {
         let carried = state.throughput.max_element() * state.squeezed;
         let is_early = state.depth < DEPTH_MAX && carried >= CARRIED_MIN;
