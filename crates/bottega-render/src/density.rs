@@ -8,7 +8,7 @@
 //! an integrator weights them against light sampling.
 //!
 //! Source: Pharr, Jakob and Humphreys 2023, *Physically Based Rendering*, §4.2.3 (integrals over area); Veach 1997, *Robust
-//! Monte Carlo Methods for Light Transport Simulation*, §8.2 (the measures of path densities).
+//! Monte Carlo Methods for Light Transport Simulation*, §8.2 (densities by solid angle and by area).
 
 use std::ops::{Div, Mul};
 
