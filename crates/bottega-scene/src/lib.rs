@@ -85,6 +85,7 @@ mod shapes;
 mod shared_list;
 mod sky;
 mod spectrum;
+mod subdivision;
 mod subsurface;
 mod summary;
 mod surface;

@@ -1,0 +1,276 @@
+//! The limit surface: positions and normals that infinitely many refinements of a mesh would give to its vertices.
+//!
+//! Sources: Halstead, Kass, DeRose (1993), *Efficient, Fair Interpolation using Catmull-Clark Surfaces*; tangents at boundaries and
+//! creases by Biermann, Levin, Zorin (2000), *Piecewise Smooth Subdivision Surfaces with Normal Control*, and Hoppe et al.
+//! (1994).
+
+use std::f64::consts::{PI, TAU};
+
+use glam::DVec3;
+
+use super::control::Scheme;
+use super::refine::{Value, loop_beta};
+use super::rules::{Rule, rules};
+use super::sharpness::is_sharp;
+use super::topology::{NONE, Topology};
+
+/// The finest mesh, with its vertices at their limits. Where edges are sharp a vertex has several normals: it is divided into one
+/// vertex per side.
+#[derive(Debug)]
+pub(super) struct Limit {
+    pub(super) topology: Topology,
+    scheme: Scheme,
+    /// Rule and number of edges of each vertex.
+    rules: Vec<(Rule, u32)>,
+    /// Vertex of each corner, after the division.
+    pub(super) corner_vertices: Vec<u32>,
+    /// A corner of each vertex, after the division; [`NONE`]: it has no face.
+    corner_of: Vec<u32>,
+    /// Vertex before the division, of those that were added.
+    added: Vec<u32>,
+}
+
+impl Limit {
+    /// - `topology`: of quadrilaterals, or of triangles for Loop's scheme.
+    pub(super) fn new(topology: Topology, scheme: Scheme) -> Self {
+        if scheme == Scheme::Bilinear {
+            let corner_vertices = topology.tails.clone();
+            return Self {
+                topology,
+                scheme,
+                rules: Vec::new(),
+                corner_vertices,
+                corner_of: Vec::new(),
+                added: Vec::new(),
+            };
+        }
+        let rules = rules(&topology);
+        let mut limit = Self {
+            corner_vertices: vec![NONE; topology.tails.len()],
+            corner_of: vec![NONE; topology.vertex_count],
+            topology,
+            scheme,
+            rules,
+            added: Vec::new(),
+        };
+        // The sides of a vertex are its fans between sharp edges
+        let mut fan = Vec::new();
+        for corner in 0..limit.topology.tails.len() {
+            if limit.corner_vertices[corner] != NONE {
+                continue;
+            }
+            let vertex = limit.topology.tails[corner];
+            limit.collect_side(corner as u32, &mut fan);
+            let divided = if limit.corner_of[vertex as usize] == NONE {
+                limit.corner_of[vertex as usize] = corner as u32;
+                vertex
+            } else {
+                limit.added.push(vertex);
+                limit.corner_of.push(corner as u32);
+                limit.corner_of.len() as u32 - 1
+            };
+            fan.iter().for_each(|&corner| limit.corner_vertices[corner as usize] = divided);
+        }
+        limit
+    }
+
+    /// Collects the corners of a vertex on the same side of sharp edges. Returns true if they go all around.
+    fn collect_side(&self, corner: u32, fan: &mut Vec<u32>) -> bool {
+        let topology = &self.topology;
+        let is_smooth = self.rules[topology.tails[corner as usize] as usize].0 == Rule::Smooth;
+        topology.collect_fan(corner, fan, |edge| {
+            !topology.is_boundary(edge) && (is_smooth || !is_sharp(topology.edge_sharpness[edge]))
+        })
+    }
+
+    /// Returns the values of the divided vertices.
+    pub(super) fn divided<V: Value>(&self, mut values: Vec<V>) -> Vec<V> {
+        let added: Vec<V> = self.added.iter().map(|&vertex| values[vertex as usize]).collect();
+        values.extend(added);
+        values
+    }
+
+    /// Returns the limits of values at the vertices before the division.
+    pub(super) fn values<V: Value>(&self, values: &[V]) -> Vec<V> {
+        if self.scheme == Scheme::Bilinear {
+            return values.to_vec();
+        }
+        limits_by_rules(&self.topology, self.scheme, &self.rules, values)
+    }
+
+    /// Returns the normals of the limit surface at the divided vertices, of unit length or zero; empty for the bilinear scheme.
+    ///
+    /// - `points`: vertices of the finest mesh, before they are moved to their limits.
+    pub(super) fn normals(&self, points: &[DVec3]) -> Vec<DVec3> {
+        use rayon::prelude::*;
+        let normal = |fan: &mut Vec<u32>, &corner: &u32| {
+            if corner == NONE { DVec3::ZERO } else { self.normal(corner, points, fan) }
+        };
+        self.corner_of.par_iter().with_min_len(1 << 10).map_init(Vec::new, normal).collect()
+    }
+
+    fn normal(&self, corner: u32, points: &[DVec3], fan: &mut Vec<u32>) -> DVec3 {
+        let topology = &self.topology;
+        let point = |vertex: u32| points[vertex as usize];
+        let is_closed = self.collect_side(corner, fan);
+        let vertex = topology.tails[corner as usize];
+        // The other ends of the edges of the side, and the opposite corners of its faces
+        let ends: Vec<DVec3> = {
+            let mut ends: Vec<DVec3> = fan.iter().map(|&half| point(topology.ends(half)[1])).collect();
+            if !is_closed {
+                let last = topology.previous(fan[fan.len() - 1]);
+                ends.push(point(topology.tails[last as usize]));
+            }
+            ends
+        };
+        let opposites: Vec<DVec3> = match self.scheme {
+            Scheme::Loop => Vec::new(),
+            _ => fan.iter().map(|&half| point(topology.ends(topology.next(half))[1])).collect(),
+        };
+        let center = point(vertex);
+        let [along, across] = match (is_closed, self.rules[vertex as usize].0, self.scheme) {
+            (true, Rule::Smooth, Scheme::Loop) => loop_tangents(&ends),
+            (true, Rule::Smooth, _) => catmull_clark_tangents(&ends, &opposites),
+            (false, Rule::Crease, Scheme::Loop) => loop_crease_tangents(center, &ends),
+            (false, Rule::Crease, _) => catmull_clark_crease_tangents(center, &ends, &opposites),
+            // The sharp edges at both sides of a corner keep their directions
+            (false, Rule::Corner, _) => [ends[0] - center, ends[ends.len() - 1] - center],
+            _ => [DVec3::ZERO; 2],
+        };
+        // The mean of the faces
+        let (mut sum, mut sizes) = (DVec3::ZERO, 0.0);
+        for face in 0..fan.len() {
+            let (a, b) = (ends[face] - center, ends[(face + 1) % ends.len()] - center);
+            let c = opposites.get(face).map_or(b, |opposite| *opposite - center);
+            sum += a.cross(c) + c.cross(b);
+            sizes += a.length() * c.length() + c.length() * b.length();
+        }
+        let mean = normalized(sum, sizes, 1e-12);
+        let is_corner = self.rules[vertex as usize].0 == Rule::Corner;
+        let least = if is_corner { 0.05 } else { 1e-12 };
+        match normalized(along.cross(across), along.length() * across.length(), least) {
+            // The sides of a corner may enclose more than half a turn
+            Some(normal) if is_corner && mean.is_some_and(|mean| normal.dot(mean) < 0.0) => -normal,
+            Some(normal) => normal,
+            None => mean.unwrap_or_default(),
+        }
+    }
+}
+
+/// Returns the limits of values at the vertices of a mesh.
+pub(super) fn limits<V: Value>(topology: &Topology, scheme: Scheme, values: &[V]) -> Vec<V> {
+    limits_by_rules(topology, scheme, &rules(topology), values)
+}
+
+fn limits_by_rules<V: Value>(topology: &Topology, scheme: Scheme, rules: &[(Rule, u32)], values: &[V]) -> Vec<V> {
+    // Weights of a smooth vertex itself, of the other ends of its edges, and of the opposite corners of its faces
+    let weights = |valence: u32| {
+        let n = f64::from(valence);
+        match scheme {
+            _ if valence == 0 => [1.0, 0.0, 0.0],
+            Scheme::Loop => {
+                let neighbor = 1.0 / (n + 0.375 / loop_beta(valence));
+                [1.0 - n * neighbor, neighbor, 0.0]
+            }
+            _ => [n / (n + 5.0), 4.0 / (n * (n + 5.0)), 1.0 / (n * (n + 5.0))],
+        }
+    };
+    let own = |(value, &(rule, valence)): (&V, &(Rule, u32))| match rule {
+        Rule::Smooth => *value * weights(valence)[0],
+        Rule::Crease => *value * (2.0 / 3.0),
+        Rule::Corner => *value,
+    };
+    let mut limits: Vec<V> = values.iter().zip(rules).map(own).collect();
+    for (edge, &sharpness) in topology.edge_sharpness.iter().enumerate() {
+        let ends = topology.ends(topology.edges[edge][0]);
+        for [end, other] in [ends, [ends[1], ends[0]]] {
+            match rules[end as usize] {
+                (Rule::Smooth, valence) => limits[end as usize] += values[other as usize] * weights(valence)[1],
+                (Rule::Crease, _) if is_sharp(sharpness) => {
+                    limits[end as usize] += values[other as usize] * (1.0 / 6.0)
+                }
+                _ => {}
+            }
+        }
+    }
+    if scheme == Scheme::CatmullClark {
+        for face in topology.tails.chunks_exact(4) {
+            for corner in 0..4 {
+                if let (Rule::Smooth, valence) = rules[face[corner] as usize] {
+                    limits[face[corner] as usize] += values[face[(corner + 2) % 4] as usize] * weights(valence)[2];
+                }
+            }
+        }
+    }
+    limits
+}
+
+/// Returns a vector with unit length; `None`: its length is not above a share of a scale.
+fn normalized(vector: DVec3, scale: f64, least: f64) -> Option<DVec3> {
+    let length = vector.length();
+    (length > least * scale && length.is_finite()).then(|| vector / length)
+}
+
+/// Returns two tangents at a smooth vertex. Sums begin with differences, so that the place of a small mesh does not matter.
+fn catmull_clark_tangents(ends: &[DVec3], opposites: &[DVec3]) -> [DVec3; 2] {
+    let n = ends.len();
+    let step = TAU / n as f64;
+    let cosine = step.cos();
+    let factor = 1.0 + cosine + (0.5 * step).cos() * (2.0 * (9.0 + cosine)).sqrt();
+    let mut tangents = [DVec3::ZERO; 2];
+    for index in 0..n {
+        let (sin, cos) = (step * index as f64).sin_cos();
+        let (next_sin, next_cos) = (step * (index + 1) as f64).sin_cos();
+        let (end, opposite) = (ends[index] - ends[0], opposites[index] - ends[0]);
+        tangents[0] += end * (factor * cos) + opposite * (cos + next_cos);
+        tangents[1] += end * (factor * sin) + opposite * (sin + next_sin);
+    }
+    tangents
+}
+
+fn loop_tangents(ends: &[DVec3]) -> [DVec3; 2] {
+    let step = TAU / ends.len() as f64;
+    let mut tangents = [DVec3::ZERO; 2];
+    for (index, &end) in ends.iter().enumerate() {
+        let (sin, cos) = (step * index as f64).sin_cos();
+        tangents[0] += (end - ends[0]) * cos;
+        tangents[1] += (end - ends[0]) * sin;
+    }
+    tangents
+}
+
+/// Returns the tangents along a crease and across the faces at one side of it.
+fn catmull_clark_crease_tangents(center: DVec3, ends: &[DVec3], opposites: &[DVec3]) -> [DVec3; 2] {
+    let faces = opposites.len();
+    let end = |index: usize| ends[index] - center;
+    let along = end(0) - end(faces);
+    if faces == 1 {
+        return [along, end(0) + end(1)];
+    }
+    let angle = PI / faces as f64;
+    let (sin, cos) = angle.sin_cos();
+    let ratio = (cos + 1.0) / sin;
+    let mut across = (end(0) + end(faces)) * (-ratio * (1.0 + 2.0 * cos));
+    for (index, opposite) in opposites.iter().enumerate() {
+        let sin = |index: usize| (angle * index as f64).sin();
+        across += end(index) * (4.0 * sin(index)) + (*opposite - center) * (sin(index) + sin(index + 1));
+    }
+    [along, across]
+}
+
+fn loop_crease_tangents(center: DVec3, ends: &[DVec3]) -> [DVec3; 2] {
+    let faces = ends.len() - 1;
+    let end = |index: usize| ends[index] - center;
+    let along = end(0) - end(faces);
+    let across = match faces {
+        1 => end(0) + end(1),
+        2 => end(1),
+        _ => {
+            let angle = PI / faces as f64;
+            let inner = |index: usize| end(index) * (angle * index as f64).sin();
+            let sum = (1..faces).map(inner).sum::<DVec3>();
+            -((end(0) + end(faces)) * angle.sin() + sum * (2.0 * angle.cos() - 2.0))
+        }
+    };
+    [along, across]
+}
