@@ -121,7 +121,7 @@ pub use material::{AlphaMode, Back, Material, Relief, ReliefRule, ReliefSource, 
 pub use medium::{Coefficients, Density, EmissionVariation, Medium, MediumId, Variation};
 pub use model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
 pub use motion::{MeshKey, Shutter, SphereKey, TransformKey};
-pub use options::LoadOptions;
+pub use options::{LoadOptions, SUBDIVISION_MAX};
 pub use param::{ColorParam, ScalarParam};
 pub use part_names::PartNames;
 pub use resource::SceneFile;

@@ -4,6 +4,9 @@ use std::path::PathBuf;
 
 use crate::motion::Shutter;
 
+/// The most refinements of subdivision surfaces.
+pub const SUBDIVISION_MAX: u8 = 6;
+
 /// The options for loading a scene, and the limits on its size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadOptions {
@@ -23,7 +26,7 @@ pub struct LoadOptions {
     pub animation: Option<String>,
     /// Name or number of the material variant to use.
     pub variant: Option<String>,
-    /// Number of refinements of subdivision surfaces, from 0 (their polygons) to 6; `None`: 2.
+    /// Number of refinements of subdivision surfaces, from 0 (their polygons) to [`SUBDIVISION_MAX`]; `None`: 2.
     pub subdivision: Option<u8>,
     /// `true`: a scene without any light gets a neutral sky.
     pub add_sky: bool,

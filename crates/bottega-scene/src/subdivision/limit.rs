@@ -9,78 +9,72 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 
 use super::control::Scheme;
+use super::fading::Fading;
 use super::refine::{Value, loop_beta};
 use super::rules::{Rule, rules};
-use super::sharpness::is_sharp;
+use super::sharpness::{is_infinite, is_sharp};
 use super::topology::{NONE, Topology};
+
+/// A mesh, with the rule for each vertex at its limit.
+#[derive(Debug)]
+struct RuledMesh {
+    topology: Topology,
+    scheme: Scheme,
+    /// Rule and number of edges of each vertex.
+    rules: Vec<(Rule, u32)>,
+}
 
 /// The finest mesh, with its vertices at their limits. Where edges are sharp a vertex has several normals: it is divided into one
 /// vertex per side.
 #[derive(Debug)]
 pub(super) struct Limit {
-    pub(super) topology: Topology,
-    scheme: Scheme,
-    /// Rule and number of edges of each vertex.
-    rules: Vec<(Rule, u32)>,
+    mesh: RuledMesh,
     /// Vertex of each corner, after the division.
     pub(super) corner_vertices: Vec<u32>,
     /// A corner of each vertex, after the division; [`NONE`]: it has no face.
     corner_of: Vec<u32>,
     /// Vertex before the division, of those that were added.
     added: Vec<u32>,
+    /// The vertices that are semi-sharp, and the mesh of their limits.
+    fading: Option<Box<(Fading, RuledMesh)>>,
 }
 
 impl Limit {
     /// - `topology`: of quadrilaterals, or of triangles for Loop's scheme.
-    pub(super) fn new(topology: Topology, scheme: Scheme) -> Self {
+    pub(super) fn new(mut topology: Topology, scheme: Scheme) -> Self {
         if scheme == Scheme::Bilinear {
             let corner_vertices = topology.tails.clone();
-            return Self {
-                topology,
-                scheme,
-                rules: Vec::new(),
-                corner_vertices,
-                corner_of: Vec::new(),
-                added: Vec::new(),
-            };
+            let mesh = RuledMesh { topology, scheme, rules: Vec::new() };
+            return Self { mesh, corner_vertices, corner_of: Vec::new(), added: Vec::new(), fading: None };
         }
-        let rules = rules(&topology);
-        let mut limit = Self {
-            corner_vertices: vec![NONE; topology.tails.len()],
-            corner_of: vec![NONE; topology.vertex_count],
-            topology,
-            scheme,
-            rules,
-            added: Vec::new(),
-        };
+        let fading = settle(&mut topology, scheme);
+        let mesh = RuledMesh::new(topology, scheme);
         // The sides of a vertex are its fans between sharp edges
-        let mut fan = Vec::new();
-        for corner in 0..limit.topology.tails.len() {
-            if limit.corner_vertices[corner] != NONE {
+        let mut corner_vertices = vec![NONE; mesh.topology.tails.len()];
+        let mut corner_of = vec![NONE; mesh.topology.vertex_count];
+        let (mut added, mut fan) = (Vec::new(), Vec::new());
+        for corner in 0..mesh.topology.tails.len() {
+            if corner_vertices[corner] != NONE {
                 continue;
             }
-            let vertex = limit.topology.tails[corner];
-            limit.collect_side(corner as u32, &mut fan);
-            let divided = if limit.corner_of[vertex as usize] == NONE {
-                limit.corner_of[vertex as usize] = corner as u32;
+            let vertex = mesh.topology.tails[corner];
+            mesh.collect_side(corner as u32, &mut fan);
+            let divided = if corner_of[vertex as usize] == NONE {
+                corner_of[vertex as usize] = corner as u32;
                 vertex
             } else {
-                limit.added.push(vertex);
-                limit.corner_of.push(corner as u32);
-                limit.corner_of.len() as u32 - 1
+                added.push(vertex);
+                corner_of.push(corner as u32);
+                corner_of.len() as u32 - 1
             };
-            fan.iter().for_each(|&corner| limit.corner_vertices[corner as usize] = divided);
+            fan.iter().for_each(|&corner| corner_vertices[corner as usize] = divided);
         }
-        limit
+        Self { mesh, corner_vertices, corner_of, added, fading }
     }
 
-    /// Collects the corners of a vertex on the same side of sharp edges. Returns true if they go all around.
-    fn collect_side(&self, corner: u32, fan: &mut Vec<u32>) -> bool {
-        let topology = &self.topology;
-        let is_smooth = self.rules[topology.tails[corner as usize] as usize].0 == Rule::Smooth;
-        topology.collect_fan(corner, fan, |edge| {
-            !topology.is_boundary(edge) && (is_smooth || !is_sharp(topology.edge_sharpness[edge]))
-        })
+    /// Returns the finest mesh.
+    pub(super) fn topology(&self) -> &Topology {
+        &self.mesh.topology
     }
 
     /// Returns the values of the divided vertices.
@@ -92,10 +86,10 @@ impl Limit {
 
     /// Returns the limits of values at the vertices before the division.
     pub(super) fn values<V: Value>(&self, values: &[V]) -> Vec<V> {
-        if self.scheme == Scheme::Bilinear {
-            return values.to_vec();
+        match self.mesh.scheme {
+            Scheme::Bilinear => values.to_vec(),
+            _ => limits_with(&self.mesh, self.fading.as_deref(), values),
         }
-        limits_by_rules(&self.topology, self.scheme, &self.rules, values)
     }
 
     /// Returns the normals of the limit surface at the divided vertices, of unit length or zero; empty for the bilinear scheme.
@@ -103,10 +97,111 @@ impl Limit {
     /// - `points`: vertices of the finest mesh, before they are moved to their limits.
     pub(super) fn normals(&self, points: &[DVec3]) -> Vec<DVec3> {
         use rayon::prelude::*;
+        let later = self.fading.as_deref().map(|(fading, mesh)| (fading, mesh, fading.refined(points)));
         let normal = |fan: &mut Vec<u32>, &corner: &u32| {
-            if corner == NONE { DVec3::ZERO } else { self.normal(corner, points, fan) }
+            if corner == NONE {
+                return DVec3::ZERO;
+            }
+            if let Some((fading, mesh, points)) = &later
+                && let Some(corner) = fading.corner(corner)
+            {
+                return mesh.normal(corner, points, fan);
+            }
+            self.mesh.normal(corner, points, fan)
         };
         self.corner_of.par_iter().with_min_len(1 << 10).map_init(Vec::new, normal).collect()
+    }
+}
+
+/// Returns the limits of values at the vertices of a mesh.
+pub(super) fn limits<V: Value>(mut topology: Topology, scheme: Scheme, values: &[V]) -> (Topology, Vec<V>) {
+    let fading = settle(&mut topology, scheme);
+    let mesh = RuledMesh::new(topology, scheme);
+    let limits = limits_with(&mesh, fading.as_deref(), values);
+    (mesh.topology, limits)
+}
+
+/// Makes semi-sharp features smooth, for which the vertices that have them are refined further. Does nothing if these are too
+/// many.
+fn settle(topology: &mut Topology, scheme: Scheme) -> Option<Box<(Fading, RuledMesh)>> {
+    let (fading, last) = Fading::new(topology, scheme)?;
+    for sharpness in topology.edge_sharpness.iter_mut().chain(&mut topology.vertex_sharpness) {
+        if !is_infinite(*sharpness) {
+            *sharpness = 0.0;
+        }
+    }
+    Some(Box::new((fading, RuledMesh::new(last, scheme))))
+}
+
+fn limits_with<V: Value>(mesh: &RuledMesh, fading: Option<&(Fading, RuledMesh)>, values: &[V]) -> Vec<V> {
+    let mut limits = mesh.limits(values);
+    if let Some((fading, later)) = fading {
+        let later = later.limits(&fading.refined(values));
+        for (&vertex, &in_last) in fading.vertices.iter().zip(&fading.in_last) {
+            limits[vertex as usize] = later[in_last as usize];
+        }
+    }
+    limits
+}
+
+impl RuledMesh {
+    fn new(topology: Topology, scheme: Scheme) -> Self {
+        let rules = rules(&topology);
+        Self { topology, scheme, rules }
+    }
+
+    /// Collects the corners of a vertex on the same side of sharp edges. Returns true if they go all around.
+    fn collect_side(&self, corner: u32, fan: &mut Vec<u32>) -> bool {
+        let topology = &self.topology;
+        let is_smooth = self.rules[topology.tails[corner as usize] as usize].0 == Rule::Smooth;
+        topology.collect_fan(corner, fan, |edge| {
+            !topology.is_boundary(edge) && (is_smooth || !is_sharp(topology.edge_sharpness[edge]))
+        })
+    }
+
+    /// Returns the limits of values at the vertices.
+    fn limits<V: Value>(&self, values: &[V]) -> Vec<V> {
+        let (topology, scheme, rules) = (&self.topology, self.scheme, &self.rules);
+        // Weights of a smooth vertex itself, of the other ends of its edges, and of the opposite corners of its faces
+        let weights = |valence: u32| {
+            let n = f64::from(valence);
+            match scheme {
+                _ if valence == 0 => [1.0, 0.0, 0.0],
+                Scheme::Loop => {
+                    let neighbor = 1.0 / (n + 0.375 / loop_beta(valence));
+                    [1.0 - n * neighbor, neighbor, 0.0]
+                }
+                _ => [n / (n + 5.0), 4.0 / (n * (n + 5.0)), 1.0 / (n * (n + 5.0))],
+            }
+        };
+        let own = |(value, &(rule, valence)): (&V, &(Rule, u32))| match rule {
+            Rule::Smooth => *value * weights(valence)[0],
+            Rule::Crease => *value * (2.0 / 3.0),
+            Rule::Corner => *value,
+        };
+        let mut limits: Vec<V> = values.iter().zip(rules).map(own).collect();
+        for (edge, &sharpness) in topology.edge_sharpness.iter().enumerate() {
+            let ends = topology.ends(topology.edges[edge][0]);
+            for [end, other] in [ends, [ends[1], ends[0]]] {
+                match rules[end as usize] {
+                    (Rule::Smooth, valence) => limits[end as usize] += values[other as usize] * weights(valence)[1],
+                    (Rule::Crease, _) if is_sharp(sharpness) => {
+                        limits[end as usize] += values[other as usize] * (1.0 / 6.0)
+                    }
+                    _ => {}
+                }
+            }
+        }
+        if scheme == Scheme::CatmullClark {
+            for face in topology.tails.chunks_exact(4) {
+                for corner in 0..4 {
+                    if let (Rule::Smooth, valence) = rules[face[corner] as usize] {
+                        limits[face[corner] as usize] += values[face[(corner + 2) % 4] as usize] * weights(valence)[2];
+                    }
+                }
+            }
+        }
+        limits
     }
 
     fn normal(&self, corner: u32, points: &[DVec3], fan: &mut Vec<u32>) -> DVec3 {
@@ -155,54 +250,6 @@ impl Limit {
             None => mean.unwrap_or_default(),
         }
     }
-}
-
-/// Returns the limits of values at the vertices of a mesh.
-pub(super) fn limits<V: Value>(topology: &Topology, scheme: Scheme, values: &[V]) -> Vec<V> {
-    limits_by_rules(topology, scheme, &rules(topology), values)
-}
-
-fn limits_by_rules<V: Value>(topology: &Topology, scheme: Scheme, rules: &[(Rule, u32)], values: &[V]) -> Vec<V> {
-    // Weights of a smooth vertex itself, of the other ends of its edges, and of the opposite corners of its faces
-    let weights = |valence: u32| {
-        let n = f64::from(valence);
-        match scheme {
-            _ if valence == 0 => [1.0, 0.0, 0.0],
-            Scheme::Loop => {
-                let neighbor = 1.0 / (n + 0.375 / loop_beta(valence));
-                [1.0 - n * neighbor, neighbor, 0.0]
-            }
-            _ => [n / (n + 5.0), 4.0 / (n * (n + 5.0)), 1.0 / (n * (n + 5.0))],
-        }
-    };
-    let own = |(value, &(rule, valence)): (&V, &(Rule, u32))| match rule {
-        Rule::Smooth => *value * weights(valence)[0],
-        Rule::Crease => *value * (2.0 / 3.0),
-        Rule::Corner => *value,
-    };
-    let mut limits: Vec<V> = values.iter().zip(rules).map(own).collect();
-    for (edge, &sharpness) in topology.edge_sharpness.iter().enumerate() {
-        let ends = topology.ends(topology.edges[edge][0]);
-        for [end, other] in [ends, [ends[1], ends[0]]] {
-            match rules[end as usize] {
-                (Rule::Smooth, valence) => limits[end as usize] += values[other as usize] * weights(valence)[1],
-                (Rule::Crease, _) if is_sharp(sharpness) => {
-                    limits[end as usize] += values[other as usize] * (1.0 / 6.0)
-                }
-                _ => {}
-            }
-        }
-    }
-    if scheme == Scheme::CatmullClark {
-        for face in topology.tails.chunks_exact(4) {
-            for corner in 0..4 {
-                if let (Rule::Smooth, valence) = rules[face[corner] as usize] {
-                    limits[face[corner] as usize] += values[face[(corner + 2) % 4] as usize] * weights(valence)[2];
-                }
-            }
-        }
-    }
-    limits
 }
 
 /// Returns a vector with unit length; `None`: its length is not above a share of a scale.

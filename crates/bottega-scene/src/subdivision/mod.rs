@@ -5,6 +5,7 @@
 //! vertices of the finest mesh lie on the limit surface.
 
 mod control;
+mod fading;
 mod limit;
 mod refine;
 mod rules;
@@ -12,6 +13,8 @@ mod seams;
 mod sharpness;
 mod topology;
 
+#[cfg(test)]
+mod opensubdiv;
 #[cfg(test)]
 mod tests;
 
@@ -21,9 +24,6 @@ use glam::{DVec3, Vec3};
 use limit::Limit;
 use refine::Step;
 pub(crate) use refine::Value;
-
-/// The most levels that can be asked for.
-pub(crate) const LEVEL_MAX: u32 = 6;
 
 /// The most faces of a refined mesh.
 pub(crate) const FACES_MAX: usize = 1 << 22;
@@ -62,7 +62,7 @@ pub(crate) fn memory_bytes(face_count: usize) -> usize {
 impl Subdivision {
     /// Refines the connectivity of a mesh. Returns also what is to be reported; `None`: the mesh has no sound face.
     ///
-    /// - `level`: number of refinements, from 1 to [`LEVEL_MAX`].
+    /// - `level`: number of refinements, at least 1.
     /// - `mesh`: for Loop's scheme all faces are triangles. [`face_count`] is at most [`FACES_MAX`].
     pub(crate) fn new(mesh: &ControlMesh<'_>, level: u32) -> (Option<Self>, Vec<String>) {
         let faces = SoundFaces::new(mesh);
@@ -95,7 +95,7 @@ impl Subdivision {
     pub(crate) fn face_sources(&self) -> impl Iterator<Item = Option<usize>> {
         let control = &self.steps[0].topology;
         let levels = self.steps.len() as u32;
-        (0..self.limit.topology.face_count()).map(move |face| {
+        (0..self.limit.topology().face_count()).map(move |face| {
             let sound = match self.scheme {
                 Scheme::Loop => face >> (2 * levels),
                 _ => control.face_of((face >> (2 * (levels - 1))) as u32) as usize,
@@ -125,7 +125,7 @@ impl Subdivision {
     /// Returns the values of corners by values of points that are smooth like the surface.
     pub(crate) fn by_point<V: Value>(&self, of_point: impl Fn(usize) -> V) -> Vec<V> {
         let limits = self.limit.values(&self.refined(of_point));
-        self.limit.topology.tails.iter().map(|&vertex| limits[vertex as usize]).collect()
+        self.limit.topology().tails.iter().map(|&vertex| limits[vertex as usize]).collect()
     }
 
     /// Returns the values of corners by values of corners that are linear within each face of the control mesh.
@@ -180,13 +180,13 @@ impl Subdivision {
             values = step.refined(&values);
             topology = step.refined_topology();
         }
-        let limit = limit::limits(&topology, self.scheme, &values);
+        let (topology, limit) = limit::limits(topology, self.scheme, &values);
         topology.tails.iter().map(|&vertex| limit[vertex as usize]).collect()
     }
 
     /// Returns the memory of the refined connectivity, in bytes.
     pub(crate) fn bytes(&self) -> usize {
-        let topologies = self.steps.iter().map(|step| &step.topology).chain([&self.limit.topology]);
+        let topologies = self.steps.iter().map(|step| &step.topology).chain([self.limit.topology()]);
         topologies
             .map(|topology| topology.tails.len() * 8 + topology.edges.len() * 12 + topology.vertex_count * 20)
             .sum::<usize>()

@@ -10,8 +10,9 @@ use super::primvar::{Interpolation, Primvar};
 use super::source::StageSource;
 use super::values;
 use crate::error::SceneError;
+use crate::options::SUBDIVISION_MAX;
 use crate::subdivision::{
-    BoundaryRule, ControlMesh, FACES_MAX, LEVEL_MAX, Scheme, SeamRule, Subdivision, Value, face_count, memory_bytes,
+    BoundaryRule, ControlMesh, FACES_MAX, Scheme, SeamRule, Subdivision, Value, face_count, memory_bytes,
 };
 
 /// Number of refinements if the request names none.
@@ -40,7 +41,7 @@ pub(super) fn read(
     corner_points: &[u32],
 ) -> Result<Option<Rc<Subdivision>>, SceneError> {
     let Some(scheme) = scheme(source, prim, time) else { return Ok(None) };
-    let wanted = source.request.options.subdivision.map_or(LEVEL_USUAL, u32::from).min(LEVEL_MAX);
+    let wanted = source.request.options.subdivision.map_or(LEVEL_USUAL, |level| u32::from(level.min(SUBDIVISION_MAX)));
     if wanted == 0 || face_sizes.is_empty() {
         return Ok(None);
     }
