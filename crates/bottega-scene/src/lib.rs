@@ -24,6 +24,7 @@
 //! | Mitsuba 3 and 0.x | `src/mitsuba/` |
 //! | pbrt-v4 | `src/pbrt/` |
 //! | USD: layers and packages; its schemas | `src/usd/` |
+//! | subdivision surfaces; those of USD, of pbrt | `src/subdivision/`; `src/usd/subdivision.rs`, `src/pbrt/shape/subdivision.rs` |
 //! | PLY, OBJ, Mitsuba's serialized meshes | `src/mesh_file/` |
 //! | OpenVDB, NanoVDB | `src/voxel_file/` |
 //! | curves that face each ray | `src/facing_curves.rs`, `src/import/strand.rs`; pbrt: `src/pbrt/shape/curve.rs` |

@@ -1,7 +1,7 @@
 //! Control meshes as files give them, and the sound faces among theirs.
 
 use super::sharpness::INFINITE;
-use super::topology::Topology;
+use super::topology::HalfEdges;
 
 /// The schemes of subdivision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -115,14 +115,14 @@ impl SoundFaces {
 
     /// Makes the connectivity, with all sharpness. Returns also the faces that are not part of the surface, and what is to be
     /// reported.
-    pub(super) fn topology(&self, mesh: &ControlMesh<'_>) -> (Topology, Vec<bool>, Vec<String>) {
+    pub(super) fn topology(&self, mesh: &ControlMesh<'_>) -> (HalfEdges, Vec<bool>, Vec<String>) {
         let mut problems = Vec::new();
         let name = |what: &str, found: Option<(usize, usize)>| {
             found.map(|(count, first)| format!("{count} {what}, the first is face {first}"))
         };
         problems.extend(name("faces with fewer than 3 distinct corners are left out", self.left_out));
         problems.extend(name("faces lose corners that repeat others", self.mended));
-        let (mut topology, bad_edges) = Topology::new(self.points.len(), self.starts.clone(), self.tails.clone());
+        let (mut topology, bad_edges) = HalfEdges::new(self.points.len(), self.starts.clone(), self.tails.clone());
         if bad_edges > 0 {
             problems.push(format!(
                 "{bad_edges} edges of more than two faces, or of faces that turn against each other, are sharp"
@@ -160,11 +160,11 @@ impl SoundFaces {
     }
 
     /// Returns true for each face that is not part of the surface.
-    fn holes(&self, mesh: &ControlMesh<'_>, topology: &Topology) -> Vec<bool> {
+    fn holes(&self, mesh: &ControlMesh<'_>, topology: &HalfEdges) -> Vec<bool> {
         let source_is_hole = |&face: &u32| mesh.is_hole.get(face as usize) == Some(&true);
         let mut is_hole: Vec<bool> = self.face_sources.iter().map(source_is_hole).collect();
         if mesh.boundary == BoundaryRule::None && mesh.scheme != Scheme::Bilinear {
-            // Edges at boundaries are sharp in this mesh; those that the file makes sharp count here
+            // EdgeCounts at boundaries are sharp in this mesh; those that the file makes sharp count here
             let named: std::collections::BTreeSet<[u32; 2]> = mesh
                 .creases
                 .iter()
@@ -188,7 +188,7 @@ impl SoundFaces {
 }
 
 /// Returns true for an edge at a boundary, or one that is not manifold.
-fn is_fixed(topology: &Topology, edge: usize) -> bool {
+fn is_fixed(topology: &HalfEdges, edge: usize) -> bool {
     let [first, second] = topology.edges[edge];
     topology.is_boundary(edge)
         || topology.tails[first as usize] == topology.tails[second as usize]
@@ -196,9 +196,9 @@ fn is_fixed(topology: &Topology, edge: usize) -> bool {
 }
 
 /// Sharpens corners of boundaries, and vertices whose faces do not form one fan, as OpenSubdiv does.
-fn sharpen_vertices(topology: &mut Topology, boundary: BoundaryRule, is_apart: &[bool]) {
+fn sharpen_vertices(topology: &mut HalfEdges, boundary: BoundaryRule, is_apart: &[bool]) {
     #[derive(Clone, Copy, Default)]
-    struct Edges {
+    struct EdgeCounts {
         all: u32,
         boundary: u32,
         bad: u32,
@@ -207,7 +207,7 @@ fn sharpen_vertices(topology: &mut Topology, boundary: BoundaryRule, is_apart: &
     topology.tails.iter().for_each(|&vertex| faces[vertex as usize] += 1);
     let mut sides = vec![0u32; topology.edges.len()];
     topology.edge_of.iter().for_each(|&edge| sides[edge as usize] += 1);
-    let mut edges = vec![Edges::default(); topology.vertex_count];
+    let mut edges = vec![EdgeCounts::default(); topology.vertex_count];
     for edge in 0..topology.edges.len() {
         let [first, second] = topology.edges[edge];
         let is_boundary = topology.is_boundary(edge);

@@ -4,9 +4,9 @@
 //! alone are refined further.
 
 use super::control::Scheme;
-use super::refine::{Step, Value};
+use super::refine::{LinearValue, RefinementStep};
 use super::sharpness::{is_infinite, is_sharp};
-use super::topology::{NONE, Topology};
+use super::topology::{HalfEdges, NONE};
 
 /// The most faces around such vertices. Beyond them semi-sharp edges and vertices of the finest mesh count as sharp.
 const FACES_MAX: usize = 1 << 18;
@@ -17,7 +17,7 @@ pub(super) struct Fading {
     /// The vertices, ascending.
     pub(super) vertices: Vec<u32>,
     /// Vertices of each further level among those of the level before, and the step from there.
-    steps: Vec<(Vec<u32>, Step)>,
+    steps: Vec<(Vec<u32>, RefinementStep)>,
     /// Vertices of the last level among those of the level before.
     kept: Vec<u32>,
     /// Index of each vertex in the last level.
@@ -27,15 +27,15 @@ pub(super) struct Fading {
 }
 
 /// A part of a mesh: its connectivity, and the former index of each vertex and corner.
-struct Part {
-    topology: Topology,
+struct FadingPart {
+    topology: HalfEdges,
     vertices: Vec<u32>,
     corners: Vec<u32>,
 }
 
 impl Fading {
     /// Returns also the last level, without semi-sharp features; `None`: no vertex is semi-sharp, or too many are.
-    pub(super) fn new(finest: &Topology, scheme: Scheme) -> Option<(Self, Topology)> {
+    pub(super) fn new(finest: &HalfEdges, scheme: Scheme) -> Option<(Self, HalfEdges)> {
         let is_fading = |sharpness: f32| is_sharp(sharpness) && !is_infinite(sharpness);
         let mut is_at = vec![false; finest.vertex_count];
         let mut most: f32 = 0.0;
@@ -51,16 +51,16 @@ impl Fading {
         if vertices.is_empty() {
             return None;
         }
-        let mut part = Part::around(finest, &vertices)?;
+        let mut part = FadingPart::around(finest, &vertices)?;
         let at_vertex = |&(corner, _): &(u32, u32)| is_at[finest.tails[corner as usize] as usize];
         let corners = part.corners.iter().zip(0..).map(|(&former, corner)| (former, corner));
         let mut corners: Vec<(u32, u32)> = corners.filter(at_vertex).collect();
         let mut at: Vec<u32> = part.find(&vertices);
         let mut steps = Vec::new();
         for _ in 0..most.ceil() as u32 {
-            let step = Step::new(part.topology, scheme, false);
+            let step = RefinementStep::new(part.topology, scheme, false);
             let refined = step.refined_topology();
-            let next = Part::around(&refined, &at)?;
+            let next = FadingPart::around(&refined, &at)?;
             // The first corner of the face of a corner is at the same vertex
             let mut number = vec![NONE; refined.tails.len()];
             next.corners.iter().zip(0..).for_each(|(&former, corner)| number[former as usize] = corner);
@@ -79,7 +79,7 @@ impl Fading {
     /// Returns the values at the last level.
     ///
     /// - `values`: at the vertices of the finest mesh.
-    pub(super) fn refined<V: Value>(&self, values: &[V]) -> Vec<V> {
+    pub(super) fn refined<V: LinearValue>(&self, values: &[V]) -> Vec<V> {
         let gathered =
             |values: &[V], kept: &[u32]| kept.iter().map(|&vertex| values[vertex as usize]).collect::<Vec<V>>();
         let mut refined: Option<Vec<V>> = None;
@@ -96,9 +96,9 @@ impl Fading {
     }
 }
 
-impl Part {
+impl FadingPart {
     /// Returns the faces at vertices; `None`: there are too many.
-    fn around(mesh: &Topology, vertices: &[u32]) -> Option<Self> {
+    fn around(mesh: &HalfEdges, vertices: &[u32]) -> Option<Self> {
         let mut is_at = vec![false; mesh.vertex_count];
         vertices.iter().for_each(|&vertex| is_at[vertex as usize] = true);
         let mut number = vec![NONE; mesh.vertex_count];
@@ -122,7 +122,7 @@ impl Part {
         if starts.len() > FACES_MAX {
             return None;
         }
-        let (mut topology, _) = Topology::new(kept.len(), starts, tails);
+        let (mut topology, _) = HalfEdges::new(kept.len(), starts, tails);
         for (edge, sharpness) in topology.edge_sharpness.iter_mut().enumerate() {
             let former = mesh.edge_of[corners[topology.edges[edge][0] as usize] as usize];
             *sharpness = sharpness.max(mesh.edge_sharpness[former as usize]);

@@ -10,24 +10,35 @@ use glam::DVec3;
 
 use super::control::Scheme;
 use super::fading::Fading;
-use super::refine::{Value, loop_beta};
-use super::rules::{Rule, rules};
+use super::refine::{LinearValue, loop_beta};
+use super::rules::{VertexRule, rules};
 use super::sharpness::{is_infinite, is_sharp};
-use super::topology::{NONE, Topology};
+use super::topology::{HalfEdges, NONE};
 
 /// A mesh, with the rule for each vertex at its limit.
 #[derive(Debug)]
 struct RuledMesh {
-    topology: Topology,
+    topology: HalfEdges,
     scheme: Scheme,
     /// Rule and number of edges of each vertex.
-    rules: Vec<(Rule, u32)>,
+    rules: Vec<(VertexRule, u32)>,
+}
+
+/// The surroundings of a vertex on one side of sharp edges.
+#[derive(Default)]
+struct VertexSide {
+    /// Its corners there.
+    fan: Vec<u32>,
+    /// The other ends of its edges.
+    ends: Vec<DVec3>,
+    /// The opposite corners of its faces, which are quadrilaterals.
+    opposites: Vec<DVec3>,
 }
 
 /// The finest mesh, with its vertices at their limits. Where edges are sharp a vertex has several normals: it is divided into one
 /// vertex per side.
 #[derive(Debug)]
-pub(super) struct Limit {
+pub(super) struct LimitSurface {
     mesh: RuledMesh,
     /// Vertex of each corner, after the division.
     pub(super) corner_vertices: Vec<u32>,
@@ -39,9 +50,9 @@ pub(super) struct Limit {
     fading: Option<Box<(Fading, RuledMesh)>>,
 }
 
-impl Limit {
+impl LimitSurface {
     /// - `topology`: of quadrilaterals, or of triangles for Loop's scheme.
-    pub(super) fn new(mut topology: Topology, scheme: Scheme) -> Self {
+    pub(super) fn new(mut topology: HalfEdges, scheme: Scheme) -> Self {
         if scheme == Scheme::Bilinear {
             let corner_vertices = topology.tails.clone();
             let mesh = RuledMesh { topology, scheme, rules: Vec::new() };
@@ -73,19 +84,19 @@ impl Limit {
     }
 
     /// Returns the finest mesh.
-    pub(super) fn topology(&self) -> &Topology {
+    pub(super) fn topology(&self) -> &HalfEdges {
         &self.mesh.topology
     }
 
     /// Returns the values of the divided vertices.
-    pub(super) fn divided<V: Value>(&self, mut values: Vec<V>) -> Vec<V> {
+    pub(super) fn divided<V: LinearValue>(&self, mut values: Vec<V>) -> Vec<V> {
         let added: Vec<V> = self.added.iter().map(|&vertex| values[vertex as usize]).collect();
         values.extend(added);
         values
     }
 
     /// Returns the limits of values at the vertices before the division.
-    pub(super) fn values<V: Value>(&self, values: &[V]) -> Vec<V> {
+    pub(super) fn values<V: LinearValue>(&self, values: &[V]) -> Vec<V> {
         match self.mesh.scheme {
             Scheme::Bilinear => values.to_vec(),
             _ => limits_with(&self.mesh, self.fading.as_deref(), values),
@@ -98,23 +109,23 @@ impl Limit {
     pub(super) fn normals(&self, points: &[DVec3]) -> Vec<DVec3> {
         use rayon::prelude::*;
         let later = self.fading.as_deref().map(|(fading, mesh)| (fading, mesh, fading.refined(points)));
-        let normal = |fan: &mut Vec<u32>, &corner: &u32| {
+        let normal = |side: &mut VertexSide, &corner: &u32| {
             if corner == NONE {
                 return DVec3::ZERO;
             }
             if let Some((fading, mesh, points)) = &later
                 && let Some(corner) = fading.corner(corner)
             {
-                return mesh.normal(corner, points, fan);
+                return mesh.normal(corner, points, side);
             }
-            self.mesh.normal(corner, points, fan)
+            self.mesh.normal(corner, points, side)
         };
-        self.corner_of.par_iter().with_min_len(1 << 10).map_init(Vec::new, normal).collect()
+        self.corner_of.par_iter().with_min_len(1 << 10).map_init(VertexSide::default, normal).collect()
     }
 }
 
 /// Returns the limits of values at the vertices of a mesh.
-pub(super) fn limits<V: Value>(mut topology: Topology, scheme: Scheme, values: &[V]) -> (Topology, Vec<V>) {
+pub(super) fn limits<V: LinearValue>(mut topology: HalfEdges, scheme: Scheme, values: &[V]) -> (HalfEdges, Vec<V>) {
     let fading = settle(&mut topology, scheme);
     let mesh = RuledMesh::new(topology, scheme);
     let limits = limits_with(&mesh, fading.as_deref(), values);
@@ -123,7 +134,7 @@ pub(super) fn limits<V: Value>(mut topology: Topology, scheme: Scheme, values: &
 
 /// Makes semi-sharp features smooth, for which the vertices that have them are refined further. Does nothing if these are too
 /// many.
-fn settle(topology: &mut Topology, scheme: Scheme) -> Option<Box<(Fading, RuledMesh)>> {
+fn settle(topology: &mut HalfEdges, scheme: Scheme) -> Option<Box<(Fading, RuledMesh)>> {
     let (fading, last) = Fading::new(topology, scheme)?;
     for sharpness in topology.edge_sharpness.iter_mut().chain(&mut topology.vertex_sharpness) {
         if !is_infinite(*sharpness) {
@@ -133,7 +144,7 @@ fn settle(topology: &mut Topology, scheme: Scheme) -> Option<Box<(Fading, RuledM
     Some(Box::new((fading, RuledMesh::new(last, scheme))))
 }
 
-fn limits_with<V: Value>(mesh: &RuledMesh, fading: Option<&(Fading, RuledMesh)>, values: &[V]) -> Vec<V> {
+fn limits_with<V: LinearValue>(mesh: &RuledMesh, fading: Option<&(Fading, RuledMesh)>, values: &[V]) -> Vec<V> {
     let mut limits = mesh.limits(values);
     if let Some((fading, later)) = fading {
         let later = later.limits(&fading.refined(values));
@@ -145,7 +156,7 @@ fn limits_with<V: Value>(mesh: &RuledMesh, fading: Option<&(Fading, RuledMesh)>,
 }
 
 impl RuledMesh {
-    fn new(topology: Topology, scheme: Scheme) -> Self {
+    fn new(topology: HalfEdges, scheme: Scheme) -> Self {
         let rules = rules(&topology);
         Self { topology, scheme, rules }
     }
@@ -153,14 +164,14 @@ impl RuledMesh {
     /// Collects the corners of a vertex on the same side of sharp edges. Returns true if they go all around.
     fn collect_side(&self, corner: u32, fan: &mut Vec<u32>) -> bool {
         let topology = &self.topology;
-        let is_smooth = self.rules[topology.tails[corner as usize] as usize].0 == Rule::Smooth;
+        let is_smooth = self.rules[topology.tails[corner as usize] as usize].0 == VertexRule::Smooth;
         topology.collect_fan(corner, fan, |edge| {
             !topology.is_boundary(edge) && (is_smooth || !is_sharp(topology.edge_sharpness[edge]))
         })
     }
 
     /// Returns the limits of values at the vertices.
-    fn limits<V: Value>(&self, values: &[V]) -> Vec<V> {
+    fn limits<V: LinearValue>(&self, values: &[V]) -> Vec<V> {
         let (topology, scheme, rules) = (&self.topology, self.scheme, &self.rules);
         // Weights of a smooth vertex itself, of the other ends of its edges, and of the opposite corners of its faces
         let weights = |valence: u32| {
@@ -174,18 +185,20 @@ impl RuledMesh {
                 _ => [n / (n + 5.0), 4.0 / (n * (n + 5.0)), 1.0 / (n * (n + 5.0))],
             }
         };
-        let own = |(value, &(rule, valence)): (&V, &(Rule, u32))| match rule {
-            Rule::Smooth => *value * weights(valence)[0],
-            Rule::Crease => *value * (2.0 / 3.0),
-            Rule::Corner => *value,
+        let own = |(value, &(rule, valence)): (&V, &(VertexRule, u32))| match rule {
+            VertexRule::Smooth => *value * weights(valence)[0],
+            VertexRule::Crease => *value * (2.0 / 3.0),
+            VertexRule::Corner => *value,
         };
         let mut limits: Vec<V> = values.iter().zip(rules).map(own).collect();
         for (edge, &sharpness) in topology.edge_sharpness.iter().enumerate() {
             let ends = topology.ends(topology.edges[edge][0]);
             for [end, other] in [ends, [ends[1], ends[0]]] {
                 match rules[end as usize] {
-                    (Rule::Smooth, valence) => limits[end as usize] += values[other as usize] * weights(valence)[1],
-                    (Rule::Crease, _) if is_sharp(sharpness) => {
+                    (VertexRule::Smooth, valence) => {
+                        limits[end as usize] += values[other as usize] * weights(valence)[1]
+                    }
+                    (VertexRule::Crease, _) if is_sharp(sharpness) => {
                         limits[end as usize] += values[other as usize] * (1.0 / 6.0)
                     }
                     _ => {}
@@ -195,7 +208,7 @@ impl RuledMesh {
         if scheme == Scheme::CatmullClark {
             for face in topology.tails.chunks_exact(4) {
                 for corner in 0..4 {
-                    if let (Rule::Smooth, valence) = rules[face[corner] as usize] {
+                    if let (VertexRule::Smooth, valence) = rules[face[corner] as usize] {
                         limits[face[corner] as usize] += values[face[(corner + 2) % 4] as usize] * weights(valence)[2];
                     }
                 }
@@ -204,32 +217,30 @@ impl RuledMesh {
         limits
     }
 
-    fn normal(&self, corner: u32, points: &[DVec3], fan: &mut Vec<u32>) -> DVec3 {
+    /// Returns the normal at the side of a vertex that a corner is on.
+    fn normal(&self, corner: u32, points: &[DVec3], side: &mut VertexSide) -> DVec3 {
         let topology = &self.topology;
         let point = |vertex: u32| points[vertex as usize];
+        let VertexSide { fan, ends, opposites } = side;
         let is_closed = self.collect_side(corner, fan);
         let vertex = topology.tails[corner as usize];
-        // The other ends of the edges of the side, and the opposite corners of its faces
-        let ends: Vec<DVec3> = {
-            let mut ends: Vec<DVec3> = fan.iter().map(|&half| point(topology.ends(half)[1])).collect();
-            if !is_closed {
-                let last = topology.previous(fan[fan.len() - 1]);
-                ends.push(point(topology.tails[last as usize]));
-            }
-            ends
-        };
-        let opposites: Vec<DVec3> = match self.scheme {
-            Scheme::Loop => Vec::new(),
-            _ => fan.iter().map(|&half| point(topology.ends(topology.next(half))[1])).collect(),
-        };
+        ends.clear();
+        ends.extend(fan.iter().map(|&half| point(topology.ends(half)[1])));
+        if !is_closed {
+            ends.push(point(topology.tails[topology.previous(fan[fan.len() - 1]) as usize]));
+        }
+        opposites.clear();
+        if self.scheme == Scheme::CatmullClark {
+            opposites.extend(fan.iter().map(|&half| point(topology.ends(topology.next(half))[1])));
+        }
         let center = point(vertex);
         let [along, across] = match (is_closed, self.rules[vertex as usize].0, self.scheme) {
-            (true, Rule::Smooth, Scheme::Loop) => loop_tangents(&ends),
-            (true, Rule::Smooth, _) => catmull_clark_tangents(&ends, &opposites),
-            (false, Rule::Crease, Scheme::Loop) => loop_crease_tangents(center, &ends),
-            (false, Rule::Crease, _) => catmull_clark_crease_tangents(center, &ends, &opposites),
+            (true, VertexRule::Smooth, Scheme::Loop) => loop_tangents(ends),
+            (true, VertexRule::Smooth, _) => catmull_clark_tangents(ends, opposites),
+            (false, VertexRule::Crease, Scheme::Loop) => loop_crease_tangents(center, ends),
+            (false, VertexRule::Crease, _) => catmull_clark_crease_tangents(center, ends, opposites),
             // The sharp edges at both sides of a corner keep their directions
-            (false, Rule::Corner, _) => [ends[0] - center, ends[ends.len() - 1] - center],
+            (false, VertexRule::Corner, _) => [ends[0] - center, ends[ends.len() - 1] - center],
             _ => [DVec3::ZERO; 2],
         };
         // The mean of the faces
@@ -241,7 +252,7 @@ impl RuledMesh {
             sizes += a.length() * c.length() + c.length() * b.length();
         }
         let mean = normalized(sum, sizes, 1e-12);
-        let is_corner = self.rules[vertex as usize].0 == Rule::Corner;
+        let is_corner = self.rules[vertex as usize].0 == VertexRule::Corner;
         let least = if is_corner { 0.05 } else { 1e-12 };
         match normalized(along.cross(across), along.length() * across.length(), least) {
             // The sides of a corner may enclose more than half a turn

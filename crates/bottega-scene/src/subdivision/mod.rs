@@ -21,9 +21,10 @@ mod tests;
 use control::SoundFaces;
 pub(crate) use control::{BoundaryRule, ControlMesh, Scheme, SeamRule};
 use glam::{DVec3, Vec3};
-use limit::Limit;
-use refine::Step;
-pub(crate) use refine::Value;
+use limit::LimitSurface;
+pub(crate) use refine::LinearValue;
+use refine::RefinementStep;
+use topology::HalfEdges;
 
 /// The most faces of a refined mesh.
 pub(crate) const FACES_MAX: usize = 1 << 22;
@@ -36,8 +37,8 @@ const BYTES_PER_FACE: usize = 512;
 pub(crate) struct Subdivision {
     faces: SoundFaces,
     /// The meshes from the control mesh on, without the finest one.
-    steps: Vec<Step>,
-    limit: Limit,
+    steps: Vec<RefinementStep>,
+    limit: LimitSurface,
     /// `true`: the face of the control mesh is not part of the surface.
     is_hole: Vec<bool>,
     scheme: Scheme,
@@ -70,13 +71,13 @@ impl Subdivision {
             return (None, vec!["no face has 3 distinct corners".into()]);
         }
         let (mut topology, is_hole, problems) = faces.topology(mesh);
-        let mut steps: Vec<Step> = Vec::new();
+        let mut steps: Vec<RefinementStep> = Vec::new();
         for _ in 0..level {
-            let step = Step::new(topology, mesh.scheme, mesh.has_smooth_triangles);
+            let step = RefinementStep::new(topology, mesh.scheme, mesh.has_smooth_triangles);
             topology = step.refined_topology();
             steps.push(step);
         }
-        let limit = Limit::new(topology, mesh.scheme);
+        let limit = LimitSurface::new(topology, mesh.scheme);
         let (scheme, seams, has_smooth_triangles) = (mesh.scheme, mesh.seams, mesh.has_smooth_triangles);
         (Some(Self { faces, steps, limit, is_hole, scheme, seams, has_smooth_triangles }), problems)
     }
@@ -117,19 +118,19 @@ impl Subdivision {
     }
 
     /// Returns values at the vertices of the finest mesh, before they are moved to their limits.
-    fn refined<V: Value>(&self, of_point: impl Fn(usize) -> V) -> Vec<V> {
+    fn refined<V: LinearValue>(&self, of_point: impl Fn(usize) -> V) -> Vec<V> {
         let control = self.faces.points.iter().map(|&point| of_point(point as usize)).collect();
         self.steps.iter().fold(control, |values: Vec<V>, step| step.refined(&values))
     }
 
     /// Returns the values of corners by values of points that are smooth like the surface.
-    pub(crate) fn by_point<V: Value>(&self, of_point: impl Fn(usize) -> V) -> Vec<V> {
+    pub(crate) fn by_point<V: LinearValue>(&self, of_point: impl Fn(usize) -> V) -> Vec<V> {
         let limits = self.limit.values(&self.refined(of_point));
         self.limit.topology().tails.iter().map(|&vertex| limits[vertex as usize]).collect()
     }
 
     /// Returns the values of corners by values of corners that are linear within each face of the control mesh.
-    pub(crate) fn linear<V: Value>(&self, of_corner: impl Fn(usize) -> V) -> Vec<V> {
+    pub(crate) fn linear<V: LinearValue>(&self, of_corner: impl Fn(usize) -> V) -> Vec<V> {
         let control = &self.steps[0].topology;
         let mut values: Vec<V> = self.faces.corner_sources.iter().map(|&corner| of_corner(corner as usize)).collect();
         for level in 0..self.steps.len() {
@@ -162,7 +163,7 @@ impl Subdivision {
     /// Returns the values of corners by values of corners that are smooth, except at seams.
     ///
     /// - `id_of_corner`: the same number for corners of a point that share a value.
-    pub(crate) fn by_corner<V: Value>(
+    pub(crate) fn by_corner<V: LinearValue>(
         &self,
         of_corner: impl Fn(usize) -> V,
         id_of_corner: impl Fn(usize) -> u32,
@@ -170,18 +171,28 @@ impl Subdivision {
         if self.scheme == Scheme::Bilinear || self.seams == SeamRule::AllLinear {
             return self.linear(of_corner);
         }
+        let (topology, values) = self.seamed(of_corner, id_of_corner);
+        let (topology, limits) = limit::limits(topology, self.scheme, &values);
+        topology.tails.iter().map(|&vertex| limits[vertex as usize]).collect()
+    }
+
+    /// Returns the connectivity of values of corners in the finest mesh, and the values before they are moved to their limits.
+    fn seamed<V: LinearValue>(
+        &self,
+        of_corner: impl Fn(usize) -> V,
+        id_of_corner: impl Fn(usize) -> u32,
+    ) -> (HalfEdges, Vec<V>) {
         let ids: Vec<u32> = self.faces.corner_sources.iter().map(|&corner| id_of_corner(corner as usize)).collect();
         let control = &self.steps[0].topology;
         let (mut topology, corners) = seams::topology(control, self.faces.starts.clone(), &ids, self.seams);
         let source = |&corner: &u32| of_corner(self.faces.corner_sources[corner as usize] as usize);
         let mut values: Vec<V> = corners.iter().map(source).collect();
         for _ in &self.steps {
-            let step = Step::new(topology, self.scheme, self.has_smooth_triangles);
+            let step = RefinementStep::new(topology, self.scheme, self.has_smooth_triangles);
             values = step.refined(&values);
             topology = step.refined_topology();
         }
-        let (topology, limit) = limit::limits(topology, self.scheme, &values);
-        topology.tails.iter().map(|&vertex| limit[vertex as usize]).collect()
+        (topology, values)
     }
 
     /// Returns the memory of the refined connectivity, in bytes.

@@ -2,14 +2,14 @@
 
 use glam::Vec3;
 
-use super::tests::Mesh;
+use super::tests::TestMesh;
 use super::*;
 
 /// Refined points, and those of the limit surface.
 type Expected = ([[f32; 3]; 5], [[f32; 3]; 5]);
 
 /// Compares points of level 2.
-fn check(mesh: &Mesh, control: &ControlMesh<'_>, (refined, limits): &Expected) {
+fn check(mesh: &TestMesh, control: &ControlMesh<'_>, (refined, limits): &Expected) {
     let subdivision = Subdivision::new(control, 2).0.unwrap();
     let points: Vec<Vec3> =
         subdivision.refined(|point| mesh.points[point].as_dvec3()).iter().map(|point| point.as_vec3()).collect();
@@ -24,7 +24,7 @@ fn check(mesh: &Mesh, control: &ControlMesh<'_>, (refined, limits): &Expected) {
 
 #[test]
 fn creases_are_those_of_opensubdiv() {
-    let mesh = Mesh::cube();
+    let mesh = TestMesh::cube();
     let mut control = mesh.control(Scheme::CatmullClark);
     let top = [[4, 5], [5, 7], [6, 7], [4, 6]].map(|edge| (edge, 10.0));
     control.creases = top.into_iter().chain([([0, 1], 2.5), ([1, 3], 1.6)]).collect();
@@ -52,7 +52,7 @@ fn creases_are_those_of_opensubdiv() {
 
 #[test]
 fn sharp_vertices_are_those_of_opensubdiv() {
-    let mesh = Mesh::cube();
+    let mesh = TestMesh::cube();
     let mut control = mesh.control(Scheme::CatmullClark);
     control.corners = vec![(7, 10.0), (0, 1.6)];
     check(
@@ -85,7 +85,7 @@ fn faces_of_many_corners_are_those_of_opensubdiv() {
     let sides: Vec<[u32; 3]> = (0..7).map(|i| [i, (i + 1) % 7, 7]).collect();
     let faces: Vec<&[u32]> =
         std::iter::once(&[6u32, 5, 4, 3, 2, 1, 0][..]).chain(sides.iter().map(|side| &side[..])).collect();
-    let mesh = Mesh::new(&points, &faces);
+    let mesh = TestMesh::new(&points, &faces);
     check(
         &mesh,
         &mesh.control(Scheme::CatmullClark),
@@ -110,7 +110,7 @@ fn faces_of_many_corners_are_those_of_opensubdiv() {
 
 #[test]
 fn boundaries_are_those_of_opensubdiv() {
-    let mesh = Mesh::grid(3, |x, y| (1.3 * x).sin() + 0.3 * y * y);
+    let mesh = TestMesh::grid(3, |x, y| (1.3 * x).sin() + 0.3 * y * y);
     check(
         &mesh,
         &mesh.control(Scheme::CatmullClark),

@@ -9,34 +9,34 @@ use std::ops::{Add, AddAssign, Mul};
 use super::control::Scheme;
 use super::rules::{VertexMask, masks};
 use super::sharpness::{is_infinite, is_sharp};
-use super::topology::{FaceSizes, NONE, Topology};
+use super::topology::{FaceSizes, HalfEdges, NONE};
 
 /// A value that is interpolated linearly.
-pub(crate) trait Value: Copy + Default + Add<Output = Self> + AddAssign + Mul<f64, Output = Self> {}
+pub(crate) trait LinearValue: Copy + Default + Add<Output = Self> + AddAssign + Mul<f64, Output = Self> {}
 
-impl<T: Copy + Default + Add<Output = T> + AddAssign + Mul<f64, Output = T>> Value for T {}
+impl<T: Copy + Default + Add<Output = T> + AddAssign + Mul<f64, Output = T>> LinearValue for T {}
 
 /// Weight of each face at an edge next to a triangle, for the rule `smooth` of triangles in Catmull-Clark meshes.
 const SMOOTH_TRIANGLE: f64 = 0.47;
 
 /// A mesh of one level, and the weights of the step to the next one.
 #[derive(Debug)]
-pub(super) struct Step {
-    pub(super) topology: Topology,
+pub(super) struct RefinementStep {
+    pub(super) topology: HalfEdges,
     masks: Vec<VertexMask>,
     scheme: Scheme,
     /// `true`: triangles of a Catmull-Clark mesh follow the rule `smooth`.
     has_smooth_triangles: bool,
 }
 
-impl Step {
-    pub(super) fn new(topology: Topology, scheme: Scheme, has_smooth_triangles: bool) -> Self {
+impl RefinementStep {
+    pub(super) fn new(topology: HalfEdges, scheme: Scheme, has_smooth_triangles: bool) -> Self {
         let masks = if scheme == Scheme::Bilinear { Vec::new() } else { masks(&topology) };
         Self { topology, masks, scheme, has_smooth_triangles }
     }
 
     /// Returns the mesh of the next level.
-    pub(super) fn refined_topology(&self) -> Topology {
+    pub(super) fn refined_topology(&self) -> HalfEdges {
         match self.scheme {
             Scheme::Loop => self.topology.refined_to_triangles(),
             _ => self.topology.refined_to_quads(),
@@ -44,7 +44,7 @@ impl Step {
     }
 
     /// Returns the values at the vertices of the next level.
-    pub(super) fn refined<V: Value>(&self, values: &[V]) -> Vec<V> {
+    pub(super) fn refined<V: LinearValue>(&self, values: &[V]) -> Vec<V> {
         let topology = &self.topology;
         let mut refined = Vec::with_capacity(topology.vertex_count + topology.edges.len() + topology.face_count());
         match self.scheme {
@@ -69,7 +69,7 @@ impl Step {
     }
 
     /// Returns the middle of an edge, the weight of the smooth rule there, and the two half-edges.
-    fn edge<V: Value>(&self, edge: usize, values: &[V]) -> (V, f64, [u32; 2]) {
+    fn edge<V: LinearValue>(&self, edge: usize, values: &[V]) -> (V, f64, [u32; 2]) {
         let topology = &self.topology;
         let [first, second] = topology.edges[edge];
         let [a, b] = topology.ends(first).map(|end| values[end as usize]);
@@ -77,7 +77,7 @@ impl Step {
         ((a + b) * 0.5, f64::from(smooth), [first, second])
     }
 
-    fn catmull_clark_edge<V: Value>(&self, edge: usize, values: &[V], centers: &[V]) -> V {
+    fn catmull_clark_edge<V: LinearValue>(&self, edge: usize, values: &[V], centers: &[V]) -> V {
         let (middle, smooth, halves) = self.edge(edge, values);
         if smooth == 0.0 {
             return middle;
@@ -95,7 +95,7 @@ impl Step {
         middle * (1.0 - smooth * 2.0 * weight) + sum * (smooth * weight)
     }
 
-    fn loop_edge<V: Value>(&self, edge: usize, values: &[V]) -> V {
+    fn loop_edge<V: LinearValue>(&self, edge: usize, values: &[V]) -> V {
         let (middle, smooth, halves) = self.edge(edge, values);
         if smooth == 0.0 {
             return middle;
@@ -105,7 +105,7 @@ impl Step {
     }
 
     /// Returns the values of vertices, with those of the ends of their edges: `weight` is that of each end by the smooth rule.
-    fn vertices<V: Value>(&self, values: &[V], weight: impl Fn(u32) -> [f64; 2]) -> Vec<V> {
+    fn vertices<V: LinearValue>(&self, values: &[V], weight: impl Fn(u32) -> [f64; 2]) -> Vec<V> {
         let topology = &self.topology;
         let own = |(value, mask): (&V, &VertexMask)| {
             let smooth = f64::from(mask.smooth);
@@ -136,7 +136,7 @@ impl Step {
         refined
     }
 
-    fn catmull_clark_vertices<V: Value>(&self, values: &[V], centers: &[V]) -> Vec<V> {
+    fn catmull_clark_vertices<V: LinearValue>(&self, values: &[V], centers: &[V]) -> Vec<V> {
         let weights = |valence: u32| {
             let n = f64::from(valence);
             if valence == 0 { [1.0, 0.0] } else { [(n - 2.0) / n, 1.0 / (n * n)] }
@@ -153,7 +153,7 @@ impl Step {
         refined
     }
 
-    fn loop_vertices<V: Value>(&self, values: &[V]) -> Vec<V> {
+    fn loop_vertices<V: LinearValue>(&self, values: &[V]) -> Vec<V> {
         self.vertices(values, |valence| {
             let beta = loop_beta(valence);
             [1.0 - f64::from(valence) * beta, beta]
@@ -175,7 +175,7 @@ pub(super) fn loop_beta(valence: u32) -> f64 {
 }
 
 /// Returns the mean of the values of a face.
-fn center<V: Value>(topology: &Topology, face: usize, values: &[V]) -> V {
+fn center<V: LinearValue>(topology: &HalfEdges, face: usize, values: &[V]) -> V {
     let corners = &topology.tails[topology.corners(face)];
     let mut sum = V::default();
     corners.iter().for_each(|&vertex| sum += values[vertex as usize]);

@@ -4,11 +4,11 @@
 //! (`sdc/crease`).
 
 use super::sharpness::{decayed, is_sharp};
-use super::topology::Topology;
+use super::topology::HalfEdges;
 
 /// The rule for a vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Rule {
+pub(super) enum VertexRule {
     /// At most one edge is sharp.
     Smooth,
     /// Two edges are sharp: the vertex lies on a curve.
@@ -17,7 +17,7 @@ pub(super) enum Rule {
     Corner,
 }
 
-impl Rule {
+impl VertexRule {
     fn new(vertex_sharpness: f32, sharp_edge_count: u32) -> Self {
         match sharp_edge_count {
             _ if is_sharp(vertex_sharpness) => Self::Corner,
@@ -41,7 +41,7 @@ pub(super) struct VertexMask {
 }
 
 /// Returns the rule for each vertex at this level, and the number of its edges.
-pub(super) fn rules(topology: &Topology) -> Vec<(Rule, u32)> {
+pub(super) fn rules(topology: &HalfEdges) -> Vec<(VertexRule, u32)> {
     let mut counts = vec![[0u32; 2]; topology.vertex_count];
     for (edge, &sharpness) in topology.edge_sharpness.iter().enumerate() {
         for end in topology.ends(topology.edges[edge][0]) {
@@ -50,22 +50,22 @@ pub(super) fn rules(topology: &Topology) -> Vec<(Rule, u32)> {
             *sharp += u32::from(is_sharp(sharpness));
         }
     }
-    let rule = |(&[edges, sharp], &sharpness): (&[u32; 2], &f32)| (Rule::new(sharpness, sharp), edges);
+    let rule = |(&[edges, sharp], &sharpness): (&[u32; 2], &f32)| (VertexRule::new(sharpness, sharp), edges);
     counts.iter().zip(&topology.vertex_sharpness).map(rule).collect()
 }
 
 /// Returns the weights of the rules at each vertex for the step to the next level.
-pub(super) fn masks(topology: &Topology) -> Vec<VertexMask> {
+pub(super) fn masks(topology: &HalfEdges) -> Vec<VertexMask> {
     #[derive(Clone, Copy, Default)]
-    struct Edges {
+    struct EdgeSums {
         all: u32,
         sharp: u32,
         sharp_later: u32,
-        /// Edges that are sharp now and smooth later, and the sum of their sharpness.
+        /// EdgeSums that are sharp now and smooth later, and the sum of their sharpness.
         ending: u32,
         sum: f32,
     }
-    let mut edges_of = vec![Edges::default(); topology.vertex_count];
+    let mut edges_of = vec![EdgeSums::default(); topology.vertex_count];
     for (edge, &sharpness) in topology.edge_sharpness.iter().enumerate() {
         for end in topology.ends(topology.edges[edge][0]) {
             let edges = &mut edges_of[end as usize];
@@ -80,12 +80,12 @@ pub(super) fn masks(topology: &Topology) -> Vec<VertexMask> {
             }
         }
     }
-    let mask = |(edges, &sharpness): (&Edges, &f32)| {
-        let now = Rule::new(sharpness, edges.sharp);
-        let later = Rule::new(decayed(sharpness), edges.sharp_later);
+    let mask = |(edges, &sharpness): (&EdgeSums, &f32)| {
+        let now = VertexRule::new(sharpness, edges.sharp);
+        let later = VertexRule::new(decayed(sharpness), edges.sharp_later);
         let mut mask = VertexMask { smooth: 0.0, crease: 0.0, later_crease: 0.0, valence: edges.all };
         // The share of the rule of this level falls with the sharpness that ends
-        let share = if now == Rule::Smooth || now == later {
+        let share = if now == VertexRule::Smooth || now == later {
             1.0
         } else {
             let ends = is_sharp(sharpness) && !is_sharp(decayed(sharpness));
@@ -94,14 +94,14 @@ pub(super) fn masks(topology: &Topology) -> Vec<VertexMask> {
             if count == 0 { 0.0 } else { (sum / count as f32).min(1.0) }
         };
         match now {
-            Rule::Smooth => mask.smooth += share,
-            Rule::Crease => mask.crease += share,
-            Rule::Corner => {}
+            VertexRule::Smooth => mask.smooth += share,
+            VertexRule::Crease => mask.crease += share,
+            VertexRule::Corner => {}
         }
         match later {
-            Rule::Smooth => mask.smooth += 1.0 - share,
-            Rule::Crease => mask.later_crease += 1.0 - share,
-            Rule::Corner => {}
+            VertexRule::Smooth => mask.smooth += 1.0 - share,
+            VertexRule::Crease => mask.later_crease += 1.0 - share,
+            VertexRule::Corner => {}
         }
         mask
     };
@@ -115,9 +115,9 @@ mod tests {
     #[test]
     fn the_rule_follows_from_the_sharp_edges() {
         assert_eq!(
-            [0, 1, 2, 3].map(|count| Rule::new(0.0, count)),
-            [Rule::Smooth, Rule::Smooth, Rule::Crease, Rule::Corner]
+            [0, 1, 2, 3].map(|count| VertexRule::new(0.0, count)),
+            [VertexRule::Smooth, VertexRule::Smooth, VertexRule::Crease, VertexRule::Corner]
         );
-        assert_eq!(Rule::new(0.1, 0), Rule::Corner);
+        assert_eq!(VertexRule::new(0.1, 0), VertexRule::Corner);
     }
 }

@@ -3,12 +3,12 @@
 
 use super::control::SeamRule;
 use super::sharpness::{INFINITE, is_infinite};
-use super::topology::Topology;
+use super::topology::HalfEdges;
 
 /// Makes the connectivity of values on a control mesh. Returns also a corner of each of its vertices.
 ///
 /// - `ids`: the value of each corner, by number.
-pub(super) fn topology(mesh: &Topology, starts: Vec<u32>, ids: &[u32], rule: SeamRule) -> (Topology, Vec<u32>) {
+pub(super) fn topology(mesh: &HalfEdges, starts: Vec<u32>, ids: &[u32], rule: SeamRule) -> (HalfEdges, Vec<u32>) {
     // Number the values at each vertex
     let mut keys: Vec<(u32, u32, u32)> =
         ids.iter().zip(0..).map(|(&id, corner)| (mesh.tails[corner as usize], id, corner)).collect();
@@ -20,7 +20,7 @@ pub(super) fn topology(mesh: &Topology, starts: Vec<u32>, ids: &[u32], rule: Sea
         values_at[same[0].0 as usize] += 1;
         corners.push(same[0].2);
     }
-    let (mut topology, _) = Topology::new(corners.len(), starts, tails);
+    let (mut topology, _) = HalfEdges::new(corners.len(), starts, tails);
     topology.has_linear_boundaries = rule >= SeamRule::Linear;
     for (edge, sharpness) in topology.edge_sharpness.iter_mut().enumerate() {
         let of_mesh = mesh.edge_of[topology.edges[edge][0] as usize];
@@ -31,7 +31,7 @@ pub(super) fn topology(mesh: &Topology, starts: Vec<u32>, ids: &[u32], rule: Sea
 }
 
 /// Sharpens the vertices of values by the rule.
-fn sharpen(topology: &mut Topology, mesh: &Topology, corners: &[u32], values_at: &[u32], rule: SeamRule) {
+fn sharpen(topology: &mut HalfEdges, mesh: &HalfEdges, corners: &[u32], values_at: &[u32], rule: SeamRule) {
     // Faces, seams and boundaries at each vertex of values; seams are boundaries that the mesh does not have
     let (mut faces, mut seams, mut boundaries) =
         (vec![0u32; corners.len()], vec![0u32; corners.len()], vec![0u32; corners.len()]);

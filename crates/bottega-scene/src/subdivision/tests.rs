@@ -6,13 +6,13 @@ use super::*;
 
 /// A mesh with owned arrays.
 #[derive(Clone, Default)]
-pub(super) struct Mesh {
+pub(super) struct TestMesh {
     pub(super) points: Vec<Vec3>,
     sizes: Vec<usize>,
     corners: Vec<u32>,
 }
 
-impl Mesh {
+impl TestMesh {
     pub(super) fn new(points: &[[f32; 3]], faces: &[&[u32]]) -> Self {
         Self {
             points: points.iter().map(|&point| Vec3::from_array(point)).collect(),
@@ -68,7 +68,7 @@ fn subdivide(control: &ControlMesh<'_>, level: u32) -> Subdivision {
 }
 
 /// Refined points, before they are moved to their limits.
-fn refined(mesh: &Mesh, subdivision: &Subdivision) -> Vec<DVec3> {
+fn refined(mesh: &TestMesh, subdivision: &Subdivision) -> Vec<DVec3> {
     subdivision.refined(|point| mesh.points[point].as_dvec3())
 }
 
@@ -90,7 +90,7 @@ fn spline(p: [f64; 4], t: f64) -> f64 {
 
 #[test]
 fn a_cube_is_refined_as_by_hand() {
-    let mesh = Mesh::cube();
+    let mesh = TestMesh::cube();
     let once = subdivide(&mesh.control(Scheme::CatmullClark), 1);
     let points = refined(&mesh, &once);
     assert_eq!((points.len(), once.limit.topology().face_count()), (26, 24));
@@ -114,18 +114,18 @@ fn a_cube_is_refined_as_by_hand() {
 
 #[test]
 fn the_limit_does_not_depend_on_the_level() {
-    let mut open = Mesh::grid(3, |x, y| (x * 1.7 + y * y * 0.4).sin());
+    let mut open = TestMesh::grid(3, |x, y| (x * 1.7 + y * y * 0.4).sin());
     open.sizes.pop();
     open.corners.truncate(open.corners.len() - 4);
-    let pentagon = Mesh::new(
+    let pentagon = TestMesh::new(
         &[[0.0, 0.0, 1.0], [2.0, 0.0, 0.0], [1.0, 2.0, 0.0], [-1.0, 1.5, 0.0], [-2.0, 0.0, 0.5], [0.0, -2.0, 0.0]],
         &[&[1, 2, 3, 4, 5], &[0, 2, 1], &[0, 3, 2], &[0, 4, 3], &[0, 5, 4], &[0, 1, 5]],
     );
     let cases = [
-        (Mesh::cube(), Scheme::CatmullClark),
+        (TestMesh::cube(), Scheme::CatmullClark),
         (pentagon, Scheme::CatmullClark),
         (open, Scheme::CatmullClark),
-        (Mesh::tetrahedron(), Scheme::Loop),
+        (TestMesh::tetrahedron(), Scheme::Loop),
     ];
     for (mesh, scheme) in cases {
         let mut control = mesh.control(scheme);
@@ -149,7 +149,7 @@ fn the_limit_does_not_depend_on_the_level() {
 #[test]
 fn a_regular_patch_is_a_bicubic_spline() {
     let height = |x: f32, y: f32| (x * 0.9).sin() + (y * x * 0.3).cos();
-    let mesh = Mesh::grid(3, height);
+    let mesh = TestMesh::grid(3, height);
     let subdivision = subdivide(&mesh.control(Scheme::CatmullClark), 2);
     let (points, normals) = subdivision.points(&mesh.points);
     let spline = |f: &dyn Fn(usize, usize) -> f64, u: f64, v: f64| {
@@ -174,7 +174,7 @@ fn a_regular_patch_is_a_bicubic_spline() {
 
 #[test]
 fn a_boundary_is_a_cubic_spline() {
-    let mesh = Mesh::grid(3, |x, y| (x * 1.3).sin() * (1.0 + y));
+    let mesh = TestMesh::grid(3, |x, y| (x * 1.3).sin() * (1.0 + y));
     for boundary in [BoundaryRule::EdgeOnly, BoundaryRule::EdgeAndCorner] {
         let control = ControlMesh { boundary, ..mesh.control(Scheme::CatmullClark) };
         let (points, normals) = subdivide(&control, 3).points(&mesh.points);
@@ -196,7 +196,7 @@ fn a_boundary_is_a_cubic_spline() {
 
 #[test]
 fn a_tetrahedron_is_refined_by_loop_as_by_hand() {
-    let mesh = Mesh::tetrahedron();
+    let mesh = TestMesh::tetrahedron();
     let once = subdivide(&mesh.control(Scheme::Loop), 1);
     let points = refined(&mesh, &once);
     assert_eq!((points.len(), once.limit.topology().face_count()), (10, 16));
@@ -214,7 +214,7 @@ fn a_tetrahedron_is_refined_by_loop_as_by_hand() {
 
 #[test]
 fn sharp_edges_stay() {
-    let mesh = Mesh::cube();
+    let mesh = TestMesh::cube();
     let mut control = mesh.control(Scheme::CatmullClark);
     let top = [[4, 5], [5, 7], [7, 6], [6, 4]];
     control.creases = top.map(|edge| (edge, 10.0)).into();
@@ -241,7 +241,7 @@ fn sharp_edges_stay() {
 
 #[test]
 fn a_semi_sharp_crease_lies_between_smooth_and_sharp() {
-    let mesh = Mesh::cube();
+    let mesh = TestMesh::cube();
     let middle = |sharpness: f32| {
         let mut control = mesh.control(Scheme::CatmullClark);
         control.creases = vec![([6, 7], sharpness)];
@@ -255,7 +255,7 @@ fn a_semi_sharp_crease_lies_between_smooth_and_sharp() {
 
 #[test]
 fn weights_sum_to_one() {
-    let mut mesh = Mesh::grid(4, |_, _| 0.0);
+    let mut mesh = TestMesh::grid(4, |_, _| 0.0);
     mesh.points.push(Vec3::ZERO);
     // A fin on an inner edge, and a fan of its own at a vertex
     mesh.sizes.extend([3, 3, 5]);
@@ -275,7 +275,7 @@ fn weights_sum_to_one() {
 
 #[test]
 fn holes_support_their_neighbours() {
-    let mesh = Mesh::grid(3, |x, y| x * y * 0.1);
+    let mesh = TestMesh::grid(3, |x, y| x * y * 0.1);
     let mut control = mesh.control(Scheme::CatmullClark);
     let whole = subdivide(&control, 2);
     control.is_hole = vec![false; 9];
@@ -297,7 +297,7 @@ fn holes_support_their_neighbours() {
 
 #[test]
 fn strange_faces_are_named() {
-    let mesh = Mesh::new(
+    let mesh = TestMesh::new(
         &[[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]],
         &[&[0, 1, 2, 3], &[0, 1, 4], &[1, 0, 5], &[2, 2, 2], &[0, 1], &[3, 2, 2, 4], &[]],
     );
@@ -313,13 +313,13 @@ fn strange_faces_are_named() {
     assert_eq!(problems, expected);
     let (points, normals) = subdivision.unwrap().points(&mesh.points);
     assert!(points.iter().chain(&normals).all(|value| value.is_finite()));
-    let nothing = Mesh::new(&[[0.0; 3]], &[&[0, 0, 0]]);
+    let nothing = TestMesh::new(&[[0.0; 3]], &[&[0, 0, 0]]);
     assert!(Subdivision::new(&nothing.control(Scheme::Loop), 1).0.is_none());
 }
 
 #[test]
 fn values_of_corners_are_smooth_between_seams() {
-    let mesh = Mesh::grid(4, |_, _| 0.0);
+    let mesh = TestMesh::grid(4, |_, _| 0.0);
     let uv_of = |point: Vec3| DVec2::new(f64::from(point.x).powi(2), f64::from(point.y + 0.2 * point.x * point.y));
     let point = |corner: usize| uv_of(mesh.points[mesh.corners[corner] as usize]);
     let uvs = |seams: SeamRule, id: &dyn Fn(usize) -> u32| {
@@ -353,7 +353,7 @@ fn damaged_meshes_are_survived() {
         (state >> 33) % below
     };
     for _ in 0..300 {
-        let mut mesh = if random(2) == 0 { Mesh::cube() } else { Mesh::grid(3, |x, y| x - y * y) };
+        let mut mesh = if random(2) == 0 { TestMesh::cube() } else { TestMesh::grid(3, |x, y| x - y * y) };
         let count = mesh.points.len() as u64;
         for _ in 0..=random(4) {
             let at = random(mesh.corners.len() as u64) as usize;
@@ -385,7 +385,7 @@ fn damaged_meshes_are_survived() {
     }
     // Triangles of Loop
     for round in 0..100 {
-        let mut mesh = Mesh::tetrahedron();
+        let mut mesh = TestMesh::tetrahedron();
         for _ in 0..2 {
             mesh.corners[random(12) as usize] = random(4) as u32;
         }

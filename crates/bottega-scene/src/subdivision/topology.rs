@@ -26,7 +26,7 @@ pub(super) enum FaceSizes {
 
 /// The connectivity of a mesh.
 #[derive(Clone, Debug)]
-pub(super) struct Topology {
+pub(super) struct HalfEdges {
     pub(super) vertex_count: usize,
     pub(super) sizes: FaceSizes,
     /// Vertex at which each half-edge begins.
@@ -42,7 +42,7 @@ pub(super) struct Topology {
     pub(super) has_linear_boundaries: bool,
 }
 
-impl Topology {
+impl HalfEdges {
     /// Makes the connectivity of faces. Only edges at boundaries, and those that are not manifold, are sharp.
     ///
     /// - `starts`: first corner of each face, and the end of the last one. A face has at least 3 corners; corners that follow

@@ -8,7 +8,7 @@ use openusd::usd::Prim;
 use super::look::PartLook;
 use super::primvar::{self, Counts, Interpolation, Primvar};
 use super::source::StageSource;
-use super::subdivision::{self, Refined};
+use super::subdivision::{self, RefinedValue};
 use super::{polygon, skel, values};
 use crate::edit::corner_mesh::CornerMesh;
 use crate::edit::mesh_parts::MeshParts;
@@ -56,11 +56,11 @@ struct Topology {
     /// Change of the normal of each point by the pose of the mesh; empty: there is none.
     normal_changes: Vec<DMat3>,
     /// The refined mesh, whose corners the triangles have.
-    surface: Option<Surface>,
+    surface: Option<RefinedMesh>,
 }
 
 /// A refined mesh.
-struct Surface {
+struct RefinedMesh {
     subdivision: Rc<Subdivision>,
     points: Vec<Vec3>,
     /// Normals of the points, zero where there are none; empty: flat faces.
@@ -81,7 +81,7 @@ impl Topology {
     }
 
     /// Returns the value of a primvar at each corner.
-    fn by_corner<T: Refined, U>(&self, primvar: &Primvar<T>, usual: T, convert: impl Fn(T) -> U) -> Vec<U> {
+    fn by_corner<T: RefinedValue, U>(&self, primvar: &Primvar<T>, usual: T, convert: impl Fn(T) -> U) -> Vec<U> {
         if let Some(surface) = &self.surface {
             let corner_points = bytemuck::cast_slice(&self.corner_points);
             let values = subdivision::by_corner(&surface.subdivision, corner_points, primvar, usual);
@@ -250,7 +250,7 @@ fn surface(
     is_left: bool,
     triangles: &mut Vec<[i32; 3]>,
     faces: &mut Vec<usize>,
-) -> Surface {
+) -> RefinedMesh {
     let (points, mut normals) = subdivision.points(points);
     if is_left {
         normals.iter_mut().for_each(|normal| *normal = -*normal);
@@ -264,7 +264,7 @@ fn surface(
             faces.push(source);
         }
     }
-    Surface { subdivision, points, normals }
+    RefinedMesh { subdivision, points, normals }
 }
 
 /// Returns the slot of each face.
@@ -296,7 +296,9 @@ fn normals(source: &StageSource<'_>, prim: &Prim, time: f64, topology: &Topology
         .find_map(|name| primvar::read(source, prim, name, time, Interpolation::Vertex, values::vectors));
     if let Some(surface) = &topology.surface {
         if own.is_some() {
-            source.warn_once(path, "normals of subdivision surfaces are ignored, as UsdGeomMesh says; `subdivisionScheme` none keeps polygons and normals");
+            let message =
+                "normals of subdivision surfaces are ignored; with `subdivisionScheme` none polygons keep theirs";
+            source.warn_once(path, message);
         }
         let corners = surface.subdivision.corner_points().iter();
         let of_point = |&point: &u32| surface.normals[point as usize].to_array();

@@ -12,7 +12,7 @@ use super::values;
 use crate::error::SceneError;
 use crate::options::SUBDIVISION_MAX;
 use crate::subdivision::{
-    BoundaryRule, ControlMesh, FACES_MAX, Scheme, SeamRule, Subdivision, Value, face_count, memory_bytes,
+    BoundaryRule, ControlMesh, FACES_MAX, LinearValue, Scheme, SeamRule, Subdivision, face_count, memory_bytes,
 };
 
 /// Number of refinements if the request names none.
@@ -65,7 +65,8 @@ pub(super) fn read(
     let level = (1..=wanted).rev().find(fits).unwrap_or(0);
     if level < wanted {
         let message = format!(
-            "the mesh is subdivided {level} times instead of {wanted}: more than {FACES_MAX} faces, or more memory than is left, would be needed"
+            "the mesh is subdivided {level} times instead of {wanted}: it would have more than {FACES_MAX} faces, or take \
+             more memory than is left"
         );
         source.warn(path, message);
     }
@@ -204,15 +205,15 @@ fn digest(control: &ControlMesh<'_>) -> blake3::Hash {
 }
 
 /// Values of primvars, which are refined with more digits.
-pub(super) trait Refined: Copy {
-    type Wide: Value;
+pub(super) trait RefinedValue: Copy {
+    type Wide: LinearValue;
     fn wide(self) -> Self::Wide;
     fn narrow(wide: Self::Wide) -> Self;
     fn bits(self) -> [u32; 3];
     fn is_finite(self) -> bool;
 }
 
-impl Refined for f32 {
+impl RefinedValue for f32 {
     type Wide = f64;
 
     fn wide(self) -> f64 {
@@ -232,7 +233,7 @@ impl Refined for f32 {
     }
 }
 
-impl Refined for Vec2 {
+impl RefinedValue for Vec2 {
     type Wide = DVec2;
 
     fn wide(self) -> DVec2 {
@@ -252,7 +253,7 @@ impl Refined for Vec2 {
     }
 }
 
-impl Refined for Vec3 {
+impl RefinedValue for Vec3 {
     type Wide = DVec3;
 
     fn wide(self) -> DVec3 {
@@ -276,7 +277,7 @@ impl Refined for Vec3 {
 ///
 /// - `corner_points`: point of each corner of the control mesh.
 /// - `usual`: stands for values that are missing or not finite.
-pub(super) fn by_corner<T: Refined>(
+pub(super) fn by_corner<T: RefinedValue>(
     subdivision: &Subdivision,
     corner_points: &[u32],
     primvar: &Primvar<T>,
