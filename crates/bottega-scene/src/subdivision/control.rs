@@ -208,11 +208,9 @@ fn sharpen_vertices(topology: &mut HalfEdges, boundary: BoundaryRule, is_apart: 
     let mut sides = vec![0u32; topology.edges.len()];
     topology.edge_of.iter().for_each(|&edge| sides[edge as usize] += 1);
     let mut edges = vec![EdgeCounts::default(); topology.vertex_count];
-    for edge in 0..topology.edges.len() {
-        let [first, second] = topology.edges[edge];
+    for (edge, (&[first, second], sides)) in topology.edges.iter().zip(sides).enumerate() {
         let is_boundary = topology.is_boundary(edge);
-        let is_bad =
-            sides[edge] > 2 || !is_boundary && topology.tails[first as usize] == topology.tails[second as usize];
+        let is_bad = sides > 2 || !is_boundary && topology.tails[first as usize] == topology.tails[second as usize];
         for end in topology.ends(first) {
             let edges = &mut edges[end as usize];
             edges.all += 1;

@@ -196,10 +196,10 @@ impl RuledMesh {
             for [end, other] in [ends, [ends[1], ends[0]]] {
                 match rules[end as usize] {
                     (VertexRule::Smooth, valence) => {
-                        limits[end as usize] += values[other as usize] * weights(valence)[1]
+                        limits[end as usize] += values[other as usize] * weights(valence)[1];
                     }
                     (VertexRule::Crease, _) if is_sharp(sharpness) => {
-                        limits[end as usize] += values[other as usize] * (1.0 / 6.0)
+                        limits[end as usize] += values[other as usize] * (1.0 / 6.0);
                     }
                     _ => {}
                 }

@@ -113,7 +113,7 @@ impl Subdivision {
         let points = self.refined(|point| control[point].as_dvec3());
         let normals = self.limit.normals(&points);
         let limits = self.limit.divided(self.limit.values(&points));
-        let narrow = |values: Vec<DVec3>| values.into_iter().map(|value| value.as_vec3()).collect();
+        let narrow = |values: Vec<DVec3>| values.into_iter().map(DVec3::as_vec3).collect();
         (narrow(limits), narrow(normals))
     }
 

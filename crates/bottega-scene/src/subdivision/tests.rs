@@ -234,9 +234,7 @@ fn sharp_edges_stay() {
         }
     }
     assert!((area - 4.0).abs() < 1e-5, "{area}");
-    for vertex in 4..8 {
-        assert_eq!(points[vertex], mesh.points[vertex]);
-    }
+    assert_eq!(points[4..8], mesh.points[4..8]);
 }
 
 #[test]
@@ -363,7 +361,7 @@ fn damaged_meshes_are_survived() {
             // Move corners from one face to the next
             let face = random(mesh.sizes.len() as u64 - 1) as usize;
             mesh.sizes[face] -= 1 + random(3) as usize;
-            mesh.sizes[face + 1] = mesh.corners.len() - mesh.sizes.iter().sum::<usize>() + mesh.sizes[face + 1];
+            mesh.sizes[face + 1] += mesh.corners.len() - mesh.sizes.iter().sum::<usize>();
         }
         let mut control = mesh.control(Scheme::CatmullClark);
         control.boundary =
