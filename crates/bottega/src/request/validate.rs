@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use bottega_farm::VERIFY_MAX;
 use bottega_image::{ImageError, OutputFormat};
-use bottega_scene::{COORDINATE_MAX, Camera, SUBDIVISION_MAX, Shutter};
+use bottega_scene::{COORDINATE_MAX, Camera, Shutter};
 use glam::{Affine3A, DVec3};
 use thiserror::Error as ThisError;
 
@@ -173,9 +173,10 @@ impl SceneOptions {
             return Err(InvalidField::new("scene.defines", format!("`{name}`"), "each parameter has a name"));
         }
         self.time.map_or(Ok(()), |time| finite("scene.time", time, "seconds"))?;
-        if let Some(level) = self.subdivision.filter(|&level| level > SUBDIVISION_MAX) {
-            let help = format!("a number of refinements from 0 to {SUBDIVISION_MAX} is needed");
-            return Err(InvalidField::new("scene.subdivision", level, help));
+        let most = bottega_scene::SUBDIVISION_MAX;
+        if let Some(level) = self.subdivision.filter(|&level| level > most) {
+            let allowed = format!("a number of refinements from 0 to {most} is needed");
+            return Err(InvalidField::new("scene.subdivision", level, allowed));
         }
         let Some(ShutterTimes { open, close, ramp }) = self.shutter else { return Ok(()) };
         for (field, time) in [("scene.shutter.open", open), ("scene.shutter.close", close)] {
