@@ -24,6 +24,7 @@
 //! | Mitsuba 3 and 0.x | `src/mitsuba/` |
 //! | pbrt-v4 | `src/pbrt/` |
 //! | USD: layers and packages; its schemas | `src/usd/` |
+//! | subdivision surfaces; those of USD, of pbrt | `src/subdivision/`; `src/usd/subdivision.rs`, `src/pbrt/shape/subdivision.rs` |
 //! | PLY, OBJ, Mitsuba's serialized meshes | `src/mesh_file/` |
 //! | OpenVDB, NanoVDB | `src/voxel_file/` |
 //! | curves that face each ray | `src/facing_curves.rs`, `src/import/strand.rs`; pbrt: `src/pbrt/shape/curve.rs` |
@@ -86,6 +87,7 @@ mod shapes;
 mod shared_list;
 mod sky;
 mod spectrum;
+mod subdivision;
 mod subsurface;
 mod summary;
 mod surface;
@@ -124,7 +126,7 @@ pub use material::{AlphaMode, Back, Material, Relief, ReliefRule, ReliefSource, 
 pub use medium::{Coefficients, Density, EmissionVariation, Medium, MediumId, Variation};
 pub use model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
 pub use motion::{MeshKey, Shutter, SphereKey, TransformKey};
-pub use options::LoadOptions;
+pub use options::{LoadOptions, SUBDIVISION_MAX};
 pub use param::{ColorParam, ScalarParam};
 pub use part_names::PartNames;
 pub use resource::SceneFile;

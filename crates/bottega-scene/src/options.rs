@@ -4,6 +4,9 @@ use std::path::PathBuf;
 
 use crate::motion::Shutter;
 
+/// The most refinements of subdivision surfaces.
+pub const SUBDIVISION_MAX: u8 = 6;
+
 /// The options for loading a scene, and the limits on its size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadOptions {
@@ -23,6 +26,8 @@ pub struct LoadOptions {
     pub animation: Option<String>,
     /// Name or number of the material variant to use.
     pub variant: Option<String>,
+    /// Number of refinements of subdivision surfaces, from 0 (their polygons) to [`SUBDIVISION_MAX`]; `None`: 2.
+    pub subdivision: Option<u8>,
     /// `true`: a scene without any light gets a neutral sky.
     pub add_sky: bool,
     /// `true`: the scene may refer to files outside of its own folder.
@@ -52,6 +57,7 @@ impl Default for LoadOptions {
             shutter: None,
             animation: None,
             variant: None,
+            subdivision: None,
             add_sky: true,
             allow_outside: false,
             asset_roots: Vec::new(),
@@ -84,6 +90,9 @@ impl LoadOptions {
             if let Some(choice) = choice {
                 digest.update(what.as_bytes()).update(&(choice.len() as u64).to_le_bytes()).update(choice.as_bytes());
             }
+        }
+        if let Some(level) = self.subdivision {
+            digest.update(b"subdivision").update(&[level]);
         }
         if self.cull_backfaces {
             digest.update(b"cull backfaces");

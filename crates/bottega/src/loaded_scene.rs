@@ -131,6 +131,7 @@ impl SceneOptions {
             shutter: self.shutter.map(|ShutterTimes { open, close, ramp }| Shutter { open, close, ramp }),
             animation: self.animation.clone(),
             variant: self.variant.clone(),
+            subdivision: self.subdivision,
             ..LoadOptions::default()
         }
     }

@@ -121,6 +121,10 @@ impl<'a> Scanner<'a> {
             b'@' => self.asset(),
             b'<' => {
                 let length = rest.find(['>', '\n']).map_or(rest.len(), |end| end + 1);
+                // The library follows a path over several lines without end
+                if !rest[..length].ends_with('>') {
+                    return Err(self.fault("the path does not end with `>` in its line; repair it"));
+                }
                 if !names::has_sound_braces(&rest[..length]) {
                     return Err(self.fault("the path has a brace without its counterpart; repair it"));
                 }
@@ -391,13 +395,15 @@ mod tests {
             "{ variantSet \"s\" = { \"x}\" { } } }",
             "def \"a\" ( variants = { string s = \"x}\" } ) {}",
             "rel a = </a}b>",
+            "rel a = </a\n>",
+            "<a",
         ] {
             assert!(mended(text).is_err(), "{text}");
         }
         for text in ["def \"a\" ( variants = { string s = \"x-1\" } ) { string b = \"}\" }", "rel a = </a{s=x}b.c>"] {
             check(text, text);
         }
-        for text in ["@never", "\\", "é\u{301}ß -é .é", "1.é", "\"\\é\"", "<a", "+", "@@@a@@"] {
+        for text in ["@never", "\\", "é\u{301}ß -é .é", "1.é", "\"\\é\"", "+", "@@@a@@"] {
             assert_eq!(mended(text).unwrap().is_empty(), text.is_empty());
         }
     }

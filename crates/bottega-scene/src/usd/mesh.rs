@@ -1,16 +1,20 @@
 //! Polygon meshes (UsdGeomMesh) and their subsets.
 
+use std::rc::Rc;
+
 use glam::{DMat3, DVec3, Vec2, Vec3};
 use openusd::usd::Prim;
 
 use super::look::PartLook;
 use super::primvar::{self, Counts, Interpolation, Primvar};
 use super::source::StageSource;
+use super::subdivision::{self, RefinedValue};
 use super::{polygon, skel, values};
 use crate::edit::corner_mesh::CornerMesh;
 use crate::edit::mesh_parts::MeshParts;
 use crate::error::SceneError;
 use crate::model::Mesh;
+use crate::subdivision::{Scheme, Subdivision};
 use crate::values::VALUE_MAX;
 
 /// A subset of a mesh's faces that has a material of its own.
@@ -42,15 +46,25 @@ pub(super) fn subsets(source: &StageSource<'_>, prim: &Prim, time: f64) -> Vec<S
 /// The topology and points of a mesh.
 struct Topology {
     points: Vec<Vec3>,
-    /// Corners of each face.
+    /// Corners of each face of the file.
     counts: Vec<usize>,
-    /// Point of each corner.
+    /// Point of each corner of the file.
     corner_points: Vec<i32>,
-    /// Triangles as indices of corners, and the face of each.
+    /// Triangles as indices of corners, and the face of the file of each.
     triangles: Vec<[i32; 3]>,
     faces: Vec<usize>,
     /// Change of the normal of each point by the pose of the mesh; empty: there is none.
     normal_changes: Vec<DMat3>,
+    /// The refined mesh, whose corners the triangles have.
+    surface: Option<RefinedMesh>,
+}
+
+/// A refined mesh.
+struct RefinedMesh {
+    subdivision: Rc<Subdivision>,
+    points: Vec<Vec3>,
+    /// Normals of the points, zero where there are none; empty: flat faces.
+    normals: Vec<Vec3>,
 }
 
 impl Topology {
@@ -58,8 +72,21 @@ impl Topology {
         Counts { faces: self.counts.len(), points: self.points.len(), corners: self.corner_points.len() }
     }
 
+    /// Returns the points that corners refer to, and the point of each corner.
+    fn vertices(&self) -> (&[Vec3], &[i32]) {
+        match &self.surface {
+            Some(surface) => (&surface.points, bytemuck::cast_slice(surface.subdivision.corner_points())),
+            None => (&self.points, &self.corner_points),
+        }
+    }
+
     /// Returns the value of a primvar at each corner.
-    fn by_corner<T: Copy, U>(&self, primvar: &Primvar<T>, usual: T, convert: impl Fn(T) -> U) -> Vec<U> {
+    fn by_corner<T: RefinedValue, U>(&self, primvar: &Primvar<T>, usual: T, convert: impl Fn(T) -> U) -> Vec<U> {
+        if let Some(surface) = &self.surface {
+            let corner_points = bytemuck::cast_slice(&self.corner_points);
+            let values = subdivision::by_corner(&surface.subdivision, corner_points, primvar, usual);
+            return values.into_iter().map(convert).collect();
+        }
         let mut values = Vec::with_capacity(self.corner_points.len());
         let mut corner = 0;
         for (face, &count) in self.counts.iter().enumerate() {
@@ -111,10 +138,17 @@ pub(super) fn read(
         let uvs: Vec<Option<Vec<[f32; 2]>>> =
             (0..2).map(|set| uvs(source, prim, ancestors, time, &topology, &looks[slot], set)).collect();
         let colors = colors(source, prim, ancestors, time, &topology, &looks[slot]);
-        source.take(path, topology.corner_points.len().saturating_mul(64))?;
+        let (points, corner_points) = topology.vertices();
+        let _held = match &topology.surface {
+            Some(_) => Some(source.request.resources.budget().hold(source.request.path, corner_points.len() * 64)?),
+            None => {
+                source.take(path, corner_points.len().saturating_mul(64))?;
+                None
+            }
+        };
         let corner_mesh = CornerMesh {
-            positions: bytemuck::cast_slice(&topology.points),
-            corner_vertices: Some(&topology.corner_points),
+            positions: bytemuck::cast_slice(points),
+            corner_vertices: Some(corner_points),
             triangles: &triangles,
             normals: normals.as_deref(),
             uvs: [uvs[0].as_deref(), uvs[1].as_deref()],
@@ -175,6 +209,19 @@ fn topology(source: &StageSource<'_>, prim: &Prim, time: f64) -> Result<Option<T
     let is_left = source.text(prim, "orientation", time).as_deref() == Some("leftHanded");
     let counts: Vec<usize> = counts.into_iter().map(|count| count as usize).collect();
     let (mut triangles, mut faces) = (Vec::new(), Vec::new());
+    let refined = subdivision::read(source, prim, time, points.len(), &counts, bytemuck::cast_slice(&corner_points))?;
+    if let Some(subdivision) = refined {
+        let surface = surface(subdivision, &points, is_left, &mut triangles, &mut faces);
+        return Ok(Some(Topology {
+            points,
+            counts,
+            corner_points,
+            triangles,
+            faces,
+            normal_changes,
+            surface: Some(surface),
+        }));
+    }
     let mut first = 0;
     let mut corners: Vec<DVec3> = Vec::new();
     for (face, &count) in counts.iter().enumerate() {
@@ -190,7 +237,34 @@ fn topology(source: &StageSource<'_>, prim: &Prim, time: f64) -> Result<Option<T
         }
         first += count;
     }
-    Ok(Some(Topology { points, counts, corner_points, triangles, faces, normal_changes }))
+    Ok(Some(Topology { points, counts, corner_points, triangles, faces, normal_changes, surface: None }))
+}
+
+/// Refines the points of a mesh, and divides the refined faces into triangles.
+///
+/// - `is_left`: the normals are on the side from which faces turn clockwise.
+/// - `triangles`, `faces`: get the corners of each triangle, and the face of the file.
+fn surface(
+    subdivision: Rc<Subdivision>,
+    points: &[Vec3],
+    is_left: bool,
+    triangles: &mut Vec<[i32; 3]>,
+    faces: &mut Vec<usize>,
+) -> RefinedMesh {
+    let (points, mut normals) = subdivision.points(points);
+    if is_left {
+        normals.iter_mut().for_each(|normal| *normal = -*normal);
+    }
+    let sides = subdivision.sides() as i32;
+    for (source, first) in subdivision.face_sources().zip((0..).step_by(sides as usize)) {
+        let Some(source) = source else { continue };
+        for corner in 2..sides {
+            let (b, c) = if is_left { (corner, corner - 1) } else { (corner - 1, corner) };
+            triangles.push([first, first + b, first + c]);
+            faces.push(source);
+        }
+    }
+    RefinedMesh { subdivision, points, normals }
 }
 
 /// Returns the slot of each face.
@@ -213,14 +287,23 @@ fn slots(source: &StageSource<'_>, topology: &Topology, subsets: &[Subset]) -> V
 
 /// Returns the normals by corner; `None`: flat faces.
 ///
-/// A surface that is to be subdivided is drawn as its control mesh; without normals it has smooth ones.
+/// A subdivision surface has the normals of its limit, or smooth ones if it is rendered as its polygons.
 fn normals(source: &StageSource<'_>, prim: &Prim, time: f64, topology: &Topology) -> Option<Vec<[f32; 3]>> {
     let path = prim.path().as_str();
-    let scheme = source.text(prim, "subdivisionScheme", time).unwrap_or_else(|| "catmullClark".into());
-    let is_smooth = matches!(scheme.as_str(), "catmullClark" | "loop");
+    let is_smooth = matches!(subdivision::scheme(source, prim, time), Some(Scheme::CatmullClark | Scheme::Loop));
     let own = ["primvars:normals", "normals"]
         .iter()
         .find_map(|name| primvar::read(source, prim, name, time, Interpolation::Vertex, values::vectors));
+    if let Some(surface) = &topology.surface {
+        if own.is_some() {
+            let message =
+                "normals of subdivision surfaces are ignored; with `subdivisionScheme` none polygons keep theirs";
+            source.warn_once(path, message);
+        }
+        let corners = surface.subdivision.corner_points().iter();
+        let of_point = |&point: &u32| surface.normals[point as usize].to_array();
+        return (!surface.normals.is_empty()).then(|| corners.map(of_point).collect());
+    }
     let own = own.filter(|normals| match normals.misfit(topology.element_counts()) {
         None => true,
         Some(problem) => {
@@ -228,10 +311,6 @@ fn normals(source: &StageSource<'_>, prim: &Prim, time: f64, topology: &Topology
             false
         }
     });
-    if is_smooth && source.value(prim, "subdivisionScheme", time).is_some() {
-        let message = "subdivision surfaces are rendered as their control meshes, with smooth normals";
-        source.unsupported_once(path, message);
-    }
     if let Some(normals) = own {
         let sound = |normal: Vec3| if normal.is_finite() { normal } else { Vec3::ZERO };
         let mut corners = topology.by_corner(&normals, Vec3::ZERO, |normal| sound(normal).to_array());

@@ -38,6 +38,7 @@ mod shape;
 mod skel;
 mod source;
 mod stage;
+mod subdivision;
 mod texture;
 mod time;
 mod values;

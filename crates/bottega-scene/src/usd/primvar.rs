@@ -59,6 +59,11 @@ impl<T: Copy> Primvar<T> {
         self.values.get(index).copied()
     }
 
+    /// Returns the index of an element into the values; `None`: the primvar has no indices.
+    pub(super) fn index(&self, element: usize) -> Option<i32> {
+        self.indices.as_ref()?.get(element).copied()
+    }
+
     /// Returns the value of a corner, by its face and point.
     pub(super) fn of_corner(&self, face: usize, point: usize, corner: usize) -> Option<T> {
         self.at(match self.interpolation {

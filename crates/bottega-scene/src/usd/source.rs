@@ -1,7 +1,8 @@
 //! The stage at a time, and the messages about it.
 
 use std::cell::RefCell;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::rc::Rc;
 
 use glam::DVec3;
 use openusd::sdf::{AssetPath, Value};
@@ -11,6 +12,7 @@ use super::files::Files;
 use super::{error, values};
 use crate::error::{SceneError, Warnings};
 use crate::import::request::ImportRequest;
+use crate::subdivision::Subdivision;
 
 /// The time of values that do not change: the earliest sample counts.
 pub(super) const STILL: f64 = TimeCode::EARLIEST.value();
@@ -23,6 +25,8 @@ pub(super) struct StageSource<'a> {
     warnings: RefCell<Warnings>,
     /// Places and messages of the warnings, each given once.
     reported: RefCell<BTreeSet<(String, String)>>,
+    /// Refinements of meshes that may move, by the path of the prim, with a digest of the connectivity.
+    pub(super) subdivisions: RefCell<BTreeMap<String, (blake3::Hash, Rc<Subdivision>)>>,
 }
 
 /// A file that an attribute names.
@@ -37,7 +41,8 @@ pub(super) struct NamedFile {
 impl<'a> StageSource<'a> {
     /// Makes a source without warnings.
     pub(super) fn new(request: &'a ImportRequest<'a>, files: &'a Files<'a>, stage: Stage) -> Self {
-        Self { request, files, stage, warnings: RefCell::default(), reported: RefCell::default() }
+        let (warnings, reported, subdivisions) = Default::default();
+        Self { request, files, stage, warnings, reported, subdivisions }
     }
 
     /// Adds a warning, unless there is an equal one.
@@ -60,6 +65,13 @@ impl<'a> StageSource<'a> {
     pub(super) fn unsupported_once(&self, place: &str, message: &str) {
         if self.reported.borrow_mut().insert((String::new(), message.to_owned())) {
             self.warnings.borrow_mut().unsupported(place, message);
+        }
+    }
+
+    /// Adds a warning with the first place where it occurs.
+    pub(super) fn warn_once(&self, place: &str, message: &str) {
+        if self.reported.borrow_mut().insert((String::new(), message.to_owned())) {
+            self.warnings.borrow_mut().add(place, message);
         }
     }
 

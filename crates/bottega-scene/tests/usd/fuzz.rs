@@ -16,6 +16,12 @@ fn rich() -> String {
          def Shader \"t\" {{ uniform token info:id = \"UsdUVTexture\"\nasset inputs:file = @a.png@\nfloat3 outputs:rgb }}\n\
          def Shader \"s\" {{ uniform token info:id = \"UsdPreviewSurface\"\ncolor3f inputs:diffuseColor.connect = </M/t.outputs:rgb> }} }}\n\
          def Mesh \"a\" {{ rel material:binding = </M>\n{TRIANGLE}\ndef GeomSubset \"g\" {{ int[] indices = [0] }} }}\n\
+         def Mesh \"s\" {{ int[] faceVertexCounts = [4, 4, 3]\nint[] faceVertexIndices = [0, 1, 3, 2, 1, 5, 4, 3, 2, 3, 4]\n\
+         point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0), (2, 2, 1), (2, 0, 1)]\nint[] holeIndices = [2]\n\
+         int[] creaseIndices = [1, 3, 2]\nint[] creaseLengths = [3]\nfloat[] creaseSharpnesses = [2.5]\nint[] cornerIndices = [5]\n\
+         float[] cornerSharpnesses = [10]\nuniform token interpolateBoundary = \"edgeOnly\"\n\
+         color3f[] primvars:displayColor = [(1, 0, 0), (0, 1, 0)] ( interpolation = \"faceVarying\" )\n\
+         int[] primvars:displayColor:indices = [0, 1, 1, 0, 0, 0, 1, 1, 0, 1, 0] }}\n\
          def PointInstancer \"p\" {{ int[] protoIndices = [0, 0]\npoint3f[] positions = [(0, 0, 0), (1, 0, 0)]\nrel prototypes = </p/c>\ndef Cube \"c\" {{}} }}\n\
          def BasisCurves \"b\" {{ int[] curveVertexCounts = [4]\nfloat[] widths = [0.1]\npoint3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)] }}\n\
          def RectLight \"l\" {{ float inputs:intensity = .5\nbool inputs:normalize = 1 }}\ndef Camera \"e\" {{ float fStop = 2 }}\n\

@@ -6,4 +6,5 @@ mod geometry;
 mod lights;
 mod materials;
 mod shared_scenes;
+mod subdivision;
 mod support;

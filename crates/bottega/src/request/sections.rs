@@ -75,6 +75,10 @@ pub struct SceneOptions {
     /// `/Car{color=red}`.
     #[serde(default)]
     pub variant: Option<String>,
+    /// How often subdivision surfaces of a USD stage are refined, from 0 (their polygons) to 6; none: 2. A mesh that would
+    /// have more than 4 million faces is refined less, with a warning.
+    #[serde(default)]
+    pub subdivision: Option<u8>,
 }
 
 impl SceneOptions {
@@ -91,6 +95,7 @@ impl SceneOptions {
             shutter: None,
             animation: None,
             variant: None,
+            subdivision: None,
         }
     }
 }

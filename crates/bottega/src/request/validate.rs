@@ -173,6 +173,11 @@ impl SceneOptions {
             return Err(InvalidField::new("scene.defines", format!("`{name}`"), "each parameter has a name"));
         }
         self.time.map_or(Ok(()), |time| finite("scene.time", time, "seconds"))?;
+        let most = bottega_scene::SUBDIVISION_MAX;
+        if let Some(level) = self.subdivision.filter(|&level| level > most) {
+            let allowed = format!("a number of refinements from 0 to {most} is needed");
+            return Err(InvalidField::new("scene.subdivision", level, allowed));
+        }
         let Some(ShutterTimes { open, close, ramp }) = self.shutter else { return Ok(()) };
         for (field, time) in [("scene.shutter.open", open), ("scene.shutter.close", close)] {
             if !time.is_finite() {
