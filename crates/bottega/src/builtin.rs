@@ -41,7 +41,7 @@ impl BuiltinPainter {
         let has_photons = paths.photons.is_some();
         let camera = subject.camera();
         let mut devices =
-            DeviceSet::gather(&plan.devices, &wanted, &subject.prepared, &camera, &job.layout, has_photons)?;
+            DeviceSet::gather(&plan.devices, &wanted, &subject.prepared, camera, &job.layout, has_photons)?;
         if !(devices.boards.is_empty() || wants_waves(&plan, &devices)) {
             devices.notes.push(unused_boards_warning(&devices.boards, devices.threads, &devices.gpus));
             devices.boards.clear();

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::{LensSurface, trace};
+use super::{description::LensSurface, trace};
 
 /// Number of intervals of the film's radius, each with a pupil of its own.
 const INTERVALS: usize = 64;

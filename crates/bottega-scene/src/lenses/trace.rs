@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::LensSurface;
+use super::description::LensSurface;
 
 /// Traces a ray from the film through all surfaces. Returns its last point and its direction from there; `None`: an
 /// opening's edge blocks it, it misses a surface, or it is reflected as a whole.
