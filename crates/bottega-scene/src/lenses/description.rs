@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The maximum number of surfaces of a [`LensSystem`].
+/// The maximum number of surfaces of a [`LensSystem`](super::LensSystem).
 pub const LENS_SURFACES_MAX: usize = 256;
 
 /// A spherical surface of a lens, centred on the optical axis, or a stop.
@@ -33,7 +33,7 @@ pub struct LensDescription {
     pub focus_distance: Option<f32>,
 }
 
-/// The reason why a [`LensDescription`] cannot become a [`LensSystem`].
+/// The reason why a [`LensDescription`] cannot become a [`LensSystem`](super::LensSystem).
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum LensError {
     /// No surfaces, or too many.
