@@ -30,6 +30,7 @@ const CHECKS: [&[&str]; 8] = [
     &["farm_picture.py", "FOLDER"],
     &["agreement.py", "FOLDER"],
     &["light_groups.py", "FOLDER"],
+    &["stereo.py", "FOLDER"],
     &["edits.py", "100"],
 ];
 /// The checks of a run of the suite.
