@@ -111,7 +111,7 @@ fn announce(packages: &[&SystemPackages], lists: &[Requirements], lacks_browser_
 
 /// Returns the variables by which the tests find what is installed. Values set by the caller win.
 pub(crate) fn variables() -> Vec<(&'static str, OsString)> {
-    [python::engine_variable(), nats_servers(), denoiser()].into_iter().flatten().collect()
+    [python::engine_variable(), nats_servers(), denoiser(), node::search_path()].into_iter().flatten().collect()
 }
 
 fn has_vulkan_driver() -> bool {

@@ -26,7 +26,8 @@ pub struct LoadOptions {
     pub animation: Option<String>,
     /// Name or number of the material variant to use.
     pub variant: Option<String>,
-    /// Number of refinements of subdivision surfaces, from 0 (their polygons) to [`SUBDIVISION_MAX`]; `None`: 2.
+    /// Number of refinements of subdivision surfaces, from 0 (their polygons) to [`SUBDIVISION_MAX`]; `None`: 2 for
+    /// meshes that name their scheme, and 0 for others.
     pub subdivision: Option<u8>,
     /// `true`: a scene without any light gets a neutral sky.
     pub add_sky: bool,

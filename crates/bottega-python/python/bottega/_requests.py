@@ -694,8 +694,9 @@ class SceneOptions(Section):
     strict: bool = False
     """True to refuse a scene with unsupported features; false to render substitutes for them."""
     subdivision: int | None = None
-    """How often subdivision surfaces of a USD stage are refined, from 0 (their polygons) to 6; none:
-    2. A mesh that would have more than 4 million faces is refined less, with a warning.
+    """How often subdivision surfaces of a USD stage are refined, from 0 (their polygons) to 6; none: 2
+    for meshes that name their `subdivisionScheme`, and 0 for others. A mesh that would have more
+    than 4 million faces is refined less, with a warning.
     """
     time: float | None = None
     """The time in seconds at which the animations of a glTF or USD scene are shown; none: the scene as

@@ -15,7 +15,7 @@ use crate::subdivision::{
     BoundaryRule, ControlMesh, FACES_MAX, LinearValue, Scheme, SeamRule, Subdivision, face_count, memory_bytes,
 };
 
-/// Number of refinements if the request names none.
+/// Number of refinements of a mesh that names its scheme, if the request names none.
 const LEVEL_USUAL: u32 = 2;
 
 /// The `subdivisionScheme` of a mesh; `None`: its polygons are the surface.
@@ -41,7 +41,9 @@ pub(super) fn read(
     corner_points: &[u32],
 ) -> Result<Option<Rc<Subdivision>>, SceneError> {
     let Some(scheme) = scheme(source, prim, time) else { return Ok(None) };
-    let wanted = source.request.options.subdivision.map_or(LEVEL_USUAL, |level| u32::from(level.min(SUBDIVISION_MAX)));
+    // Many exporters leave the scheme out and mean polygons, as Arnold renders them
+    let usual = if source.text(prim, "subdivisionScheme", time).is_some() { LEVEL_USUAL } else { 0 };
+    let wanted = source.request.options.subdivision.map_or(usual, |level| u32::from(level.min(SUBDIVISION_MAX)));
     if wanted == 0 || face_sizes.is_empty() {
         return Ok(None);
     }

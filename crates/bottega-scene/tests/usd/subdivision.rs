@@ -9,10 +9,18 @@ use super::support::{bounds, clean, stage, stage_with, warnings, warns};
 const CUBE: &str = "int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]\n\
     int[] faceVertexIndices = [0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4, 2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5]\n";
 
+const SMOOTH: &str = "uniform token subdivisionScheme = \"catmullClark\"\n";
+
 const POINTS: &str =
     "[(-1, -1, -1), (1, -1, -1), (-1, 1, -1), (1, 1, -1), (-1, -1, 1), (1, -1, 1), (-1, 1, 1), (1, 1, 1)]";
 
+/// A cube with a scheme: that of `more`, else Catmull and Clark's.
 fn cube(more: &str) -> String {
+    let usual = if more.contains("subdivisionScheme") { "" } else { SMOOTH };
+    cube_as_given(&format!("{usual}{more}"))
+}
+
+fn cube_as_given(more: &str) -> String {
     format!("def Mesh \"m\" {{ {CUBE}point3f[] points = {POINTS}\n{more} }}")
 }
 
@@ -21,7 +29,17 @@ fn with_level(text: &str, level: Option<u8>) -> Scene {
 }
 
 #[test]
-fn a_mesh_without_a_scheme_is_a_catmull_clark_surface() {
+fn a_mesh_without_a_scheme_is_its_polygons_unless_a_level_is_asked_for() {
+    let scene = clean(&cube_as_given(""));
+    assert_eq!((scene.triangle_count(), bounds(&scene)), (12, (Vec3::NEG_ONE, Vec3::ONE)));
+    assert_eq!(with_level(&cube_as_given(""), Some(2)).meshes, clean(&cube("")).meshes);
+    // Its own normals count then
+    let text = cube_as_given("normal3f[] normals = [(0, 0, 1)] ( interpolation = \"constant\" )");
+    assert!(clean(&text).meshes[0].normals.iter().all(|&normal| normal == Vec3::Z));
+}
+
+#[test]
+fn a_mesh_with_a_scheme_is_a_smooth_surface() {
     let scene = clean(&cube(""));
     assert_eq!(scene.triangle_count(), 6 * 16 * 2);
     let mesh = &scene.meshes[0];
@@ -115,7 +133,7 @@ fn primvars_follow_their_interpolation() {
 fn moving_points_are_refined_at_each_key() {
     let moved = POINTS.replace('1', "3");
     let text = format!(
-        "def Mesh \"m\" {{ {CUBE}point3f[] points.timeSamples = {{ 0: {POINTS}, 24: {moved} }}\n\
+        "def Mesh \"m\" {{ {SMOOTH}{CUBE}point3f[] points.timeSamples = {{ 0: {POINTS}, 24: {moved} }}\n\
         int[] creaseIndices = [4, 5, 7, 6, 4]\nint[] creaseLengths = [5]\nfloat[] creaseSharpnesses = [10] }}"
     );
     let shutter = Some(Shutter { open: 0.0, close: 0.5, ramp: 0.0 });

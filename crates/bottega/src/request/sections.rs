@@ -75,8 +75,9 @@ pub struct SceneOptions {
     /// `/Car{color=red}`.
     #[serde(default)]
     pub variant: Option<String>,
-    /// How often subdivision surfaces of a USD stage are refined, from 0 (their polygons) to 6; none: 2. A mesh that would
-    /// have more than 4 million faces is refined less, with a warning.
+    /// How often subdivision surfaces of a USD stage are refined, from 0 (their polygons) to 6; none: 2 for meshes that name
+    /// their `subdivisionScheme`, and 0 for others. A mesh that would have more than 4 million faces is refined less, with a
+    /// warning.
     #[serde(default)]
     pub subdivision: Option<u8>,
 }
