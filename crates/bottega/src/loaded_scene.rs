@@ -184,7 +184,7 @@ fn turn_environment(scene: &mut Scene, request: &Request) {
 fn aimed(cameras: &[Camera], origin: DVec3, view: &ViewOptions) -> Result<(usize, Camera), Error> {
     let number = check_view(view, cameras.iter().map(|camera| (&*camera.name, has_angle(camera))))?;
     let mut camera = cameras[number].clone();
-    put_lens(view, &mut camera);
+    put_lens(view, &mut camera)?;
     let Some(pose) = view.pose else { return Ok((number, camera)) };
     camera.world_from_camera = pose.looking(origin.to_array()).ok_or_else(|| {
         let problem = "`view.pose` has no direction: at the scale of the scene, `eye` and `target` are the same point";
@@ -198,7 +198,8 @@ fn aimed(cameras: &[Camera], origin: DVec3, view: &ViewOptions) -> Result<(usize
 }
 
 fn has_angle(camera: &Camera) -> bool {
-    matches!(camera.projection, Projection::Perspective { .. })
+    // The angle of a camera with lenses is that of its lenses
+    matches!(camera.projection, Projection::Perspective { .. }) && camera.lenses.is_none()
 }
 
 /// Returns the index of the camera of a view, after checking that the view suits it.

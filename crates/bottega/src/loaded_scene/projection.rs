@@ -2,10 +2,16 @@
 
 use bottega_scene::{Camera, FisheyeMapping, FovAxis, Panorama, Projection, Stereo, StereoLayout};
 
-use crate::request::{ProjectionChoice, StereoChoice, ViewOptions};
+use crate::{
+    error::Error,
+    request::{ProjectionChoice, StereoChoice, ViewOptions},
+};
 
 /// Changes the lens and the projection of a camera to those of a request.
-pub(super) fn put_lens(view: &ViewOptions, camera: &mut Camera) {
+///
+/// # Errors
+/// The request asks for a lens, and the camera has lenses of its own or a projection without one.
+pub(super) fn put_lens(view: &ViewOptions, camera: &mut Camera) -> Result<(), Error> {
     camera.lens_radius = view.lens_radius.unwrap_or(camera.lens_radius);
     camera.focus_distance = view.focus_distance.unwrap_or(camera.focus_distance);
     if let Some(blades) = view.blades {
@@ -17,6 +23,7 @@ pub(super) fn put_lens(view: &ViewOptions, camera: &mut Camera) {
     if let Some(choice) = view.projection {
         put_projection(choice, view.fisheye_fov.to_radians(), camera);
     }
+    check_lens(view, camera)?;
     if let Some(choice) = view.stereo {
         let layout = match choice {
             StereoChoice::SideBySide => StereoLayout::SideBySide,
@@ -26,6 +33,25 @@ pub(super) fn put_lens(view: &ViewOptions, camera: &mut Camera) {
         };
         let convergence = view.convergence.unwrap_or(f32::INFINITY);
         camera.stereo = Some(Stereo { layout, eye_distance: view.eye_distance, convergence });
+    }
+    Ok(())
+}
+
+/// Refuses fields of a lens that the camera does not have.
+fn check_lens(view: &ViewOptions, camera: &Camera) -> Result<(), Error> {
+    let why = match camera.projection {
+        Projection::Perspective { .. } if camera.lenses.is_some() => "the camera has lenses of its own",
+        Projection::Perspective { .. } | Projection::Orthographic { .. } => return Ok(()),
+        Projection::Fisheye { .. } | Projection::Panorama(_) => "its projection has no lens",
+    };
+    let fields = [
+        ("view.lens_radius", view.lens_radius.is_some_and(|radius| radius > 0.0)),
+        ("view.blades", view.blades.is_some_and(|blades| blades > 0)),
+        ("view.aperture_ratio", view.aperture_ratio.is_some()),
+    ];
+    match fields.into_iter().find(|(_, is_given)| *is_given) {
+        Some((field, _)) => Err(Error::usage(format!("`{field}` has no effect: {why}"), "leave it out")),
+        None => Ok(()),
     }
 }
 
@@ -45,5 +71,23 @@ fn put_projection(choice: ProjectionChoice, field_of_view: f32, camera: &mut Cam
     // A whole circle fits into the smaller side
     if matches!(camera.projection, Projection::Fisheye { .. }) {
         camera.aspect = Some(1.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_of_a_lens_that_the_camera_lacks_are_refused() {
+        let put = |view: &ViewOptions| put_lens(view, &mut Camera::default()).map_err(|error| error.to_string());
+        let bladed = ViewOptions { blades: Some(5), aperture_ratio: Some(2.0), ..ViewOptions::default() };
+        assert_eq!(put(&bladed), Ok(()));
+        let around = ViewOptions { projection: Some(ProjectionChoice::Fisheye), ..ViewOptions::default() };
+        assert_eq!(put(&around), Ok(()));
+        let error = put(&ViewOptions { projection: around.projection, ..bladed }).unwrap_err();
+        assert!(error.contains("view.blades"), "{error}");
+        let sharp = ViewOptions { lens_radius: Some(0.0), focus_distance: Some(1.0), ..around };
+        assert_eq!(put(&sharp), Ok(()));
     }
 }

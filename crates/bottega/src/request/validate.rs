@@ -235,6 +235,9 @@ impl ViewOptions {
             _ => {}
         }
         finite("view.blade_rotation", self.blade_rotation, "degrees")?;
+        if self.blade_rotation != 0.0 && self.blades.is_none() {
+            return Err(InvalidField::new("view.blade_rotation", self.blade_rotation, "it needs `view.blades`"));
+        }
         self.aperture_ratio.map_or(Ok(()), |ratio| positive("view.aperture_ratio", ratio))?;
         if !(self.fisheye_fov > 0.0 && self.fisheye_fov <= 360.0) {
             let allowed = "above 0 and at most 360 degrees is needed";
@@ -242,6 +245,12 @@ impl ViewOptions {
         }
         not_negative("view.eye_distance", self.eye_distance)?;
         self.convergence.map_or(Ok(()), |distance| positive("view.convergence", distance))?;
+        match (self.convergence, self.stereo) {
+            (Some(distance), None) => {
+                return Err(InvalidField::new("view.convergence", distance, "it needs `view.stereo`"));
+            }
+            _ => {}
+        }
         match self.rolling_shutter {
             Some(exposure) if !(0.0..=1.0).contains(&exposure) => {
                 Err(InvalidField::new("view.rolling_shutter", exposure, "a share from 0 to 1 is needed"))

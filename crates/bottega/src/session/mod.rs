@@ -117,8 +117,7 @@ impl Session {
     /// Opens a session like [`Self::open`], with options.
     ///
     /// # Errors
-    /// Those of [`Self::open`]; also if an option cannot be used, or `options.resume` is set and there is no journal of this
-    /// picture.
+    /// Those of [`Self::open`]. An option cannot be used. `options.resume` is set, and this picture has no journal.
     pub fn open_with(request: &Request, options: SessionOptions) -> Result<Self, Error> {
         let begun = options.begun.unwrap_or_else(Instant::now);
         let request = &request.by_engine_of_scene();

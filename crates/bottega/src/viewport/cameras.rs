@@ -40,8 +40,8 @@ fn pose_of(camera: &Camera, origin: DVec3, (center, radius): (Vec3, f32)) -> Cam
         target: in_file(eye + distance * ahead),
         up: Vec3::from(camera.world_from_camera.matrix3.y_axis).as_dvec3().to_array(),
         fov: match camera.projection {
-            Projection::Perspective { vertical_fov } => Some(vertical_fov.to_degrees()),
-            Projection::Orthographic { .. } | Projection::Fisheye { .. } | Projection::Panorama(_) => None,
+            Projection::Perspective { vertical_fov } if camera.lenses.is_none() => Some(vertical_fov.to_degrees()),
+            _ => None,
         },
     }
 }
