@@ -245,11 +245,8 @@ impl ViewOptions {
         }
         not_negative("view.eye_distance", self.eye_distance)?;
         self.convergence.map_or(Ok(()), |distance| positive("view.convergence", distance))?;
-        match (self.convergence, self.stereo) {
-            (Some(distance), None) => {
-                return Err(InvalidField::new("view.convergence", distance, "it needs `view.stereo`"));
-            }
-            _ => {}
+        if let (Some(distance), None) = (self.convergence, self.stereo) {
+            return Err(InvalidField::new("view.convergence", distance, "it needs `view.stereo`"));
         }
         match self.rolling_shutter {
             Some(exposure) if !(0.0..=1.0).contains(&exposure) => {

@@ -18,7 +18,7 @@ impl Filter {
     /// Returns the filter with a name in the file; `None`: no filter.
     ///
     /// # Errors
-    /// There is no filter of that name.
+    /// No filter has that name.
     pub(super) fn of(name: Option<&str>) -> Result<Option<Self>, GltfError> {
         Ok(match name {
             None | Some("NONE") => None,
