@@ -9,6 +9,7 @@ use crate::{
     error::Error,
     job::{
         board::JobBoard,
+        first_look::FirstLook,
         record::Job,
         zone_pixels::{ZonePixels, around},
     },
@@ -80,35 +81,29 @@ impl JobPreview {
     /// Fetches the new pixels. Returns `true` if there are any.
     fn fetch_new(&mut self, board: &JobBoard, job: &Job) -> Result<bool, Error> {
         let rows = board.zone_rows(job)?;
-        let Some(rect) = rows.iter().map(|row| row.rect).reduce(around) else { return self.look_first(board, job) };
-        if self.canvas.as_ref().is_none_or(|(before, _)| *before != rect) {
-            if rect.area() > PIXELS_MAX {
-                let problem = format!("the picture has {} pixels, and at most {PIXELS_MAX} are shown", rect.area());
-                return Err(Error::usage(problem, "wait until it is done, then fetch it"));
-            }
-            let preview = Preview::new(rect, self.exposure, self.tone);
-            board.first_look(job)?.filter(|look| look.crop() == rect).iter().for_each(|look| look.show(&preview));
-            self.canvas = Some((rect, preview));
-            self.shown = ZonePixels::default();
-        }
+        // Rows arrive one by one: the canvas grows unless the first look told the size of the picture.
+        let zones = rows.iter().map(|row| row.rect).reduce(around);
+        let is_covered = self.canvas.as_ref().is_some_and(|(rect, _)| zones.is_none_or(|zones| rect.encloses(&zones)));
+        let has_look = !is_covered && self.begin(board, job, zones)?;
         let Some((_, preview)) = &self.canvas else { return Ok(false) };
-        self.shown.fetch_new(board, job, &rows, &|tile| preview.show(tile))
+        let has_tiles = self.shown.fetch_new(board, job, &rows, &|tile| preview.show(tile))?;
+        Ok(has_look || has_tiles)
     }
-}
 
-impl JobPreview {
-    /// Shows the leader's first look, before the picture is divided into zones. Returns `true` if it is new.
-    fn look_first(&mut self, board: &JobBoard, job: &Job) -> Result<bool, Error> {
-        if self.canvas.is_some() {
-            return Ok(false);
+    /// Begins the canvas anew: over the leader's first look and the zones. Returns `true` if a first look is shown on it.
+    fn begin(&mut self, board: &JobBoard, job: &Job, zones: Option<Rect>) -> Result<bool, Error> {
+        let look = board.first_look(job)?;
+        let crop = look.as_ref().map(FirstLook::crop);
+        let Some(rect) = crop.into_iter().chain(zones).reduce(around) else { return Ok(false) };
+        if rect.area() > PIXELS_MAX {
+            let problem = format!("the picture has {} pixels, and at most {PIXELS_MAX} are shown", rect.area());
+            return Err(Error::usage(problem, "wait until it is done, then fetch it"));
         }
-        let Some(look) = board.first_look(job)?.filter(|look| look.crop().area() <= PIXELS_MAX) else {
-            return Ok(false);
-        };
-        let preview = Preview::new(look.crop(), self.exposure, self.tone);
-        look.show(&preview);
-        self.canvas = Some((look.crop(), preview));
-        Ok(true)
+        let preview = Preview::new(rect, self.exposure, self.tone);
+        look.iter().for_each(|look| look.show(&preview));
+        self.canvas = Some((rect, preview));
+        self.shown = ZonePixels::default();
+        Ok(look.is_some())
     }
 }
 
