@@ -64,7 +64,7 @@ def compare(name: str, alone: list[Any], kept: list[Any]) -> None:
 def blur(folder: Path) -> None:
     """Renders the frames with motion blur, and compares them with those of an export that is kept, and of a file."""
     keyed()
-    scenes.lamp("SPOT", (-2, -2, 3), energy=100)
+    scenes.add_light("SPOT", (-2, -2, 3), energy=100)
     scenes.moved(bpy.data.objects["Spot"], "rotation_euler", (0, 0, 0), (0.5, 0.2, 0))
     support.addon()
     scene = bpy.context.scene

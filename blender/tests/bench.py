@@ -177,7 +177,7 @@ def main() -> None:
     support.addon()
     scenes.empty()
     item = grid(708)
-    scenes.lamp("AREA", (0, 0, 4), energy=100)
+    scenes.add_light("AREA", (0, 0, 4), energy=100)
     support.addon()
     export = exports("export: 1 M triangles", 0.8)
     viewport(export, item)

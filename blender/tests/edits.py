@@ -24,7 +24,7 @@ def start() -> None:
     scenes.instances()
     scenes.ball((-1.0, 1.5, 0.5), 0.5, scenes.principled("Ball"))
     bpy.context.object.modifiers.new("Subdivision", "SUBSURF")
-    scenes.lamp("POINT", (2, -2, 3), energy=100)
+    scenes.add_light("POINT", (2, -2, 3), energy=100)
     textured, tree, output = scenes.nodes("Textured")
     shader, image, hue = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("BsdfDiffuse", "TexImage", "HueSaturation"))
     image.image = scenes.picture("Painted", 16, 8)

@@ -185,9 +185,9 @@ def broken_motion() -> None:
     nowhere = scenes.cube((0, 0, 1), 0.5)
     scenes.moved(nowhere, "location", (0, 0, 1), (math.inf, 0, 0))
     scenes.moved(nowhere, "hide_render", False, True)
-    lamp = scenes.lamp("AREA", (0, 0, 3), energy=100)
+    lamp = scenes.add_light("AREA", (0, 0, 3), energy=100)
     scenes.moved(lamp, "scale", (1, 1, 1), (0, 1, 1))
-    scenes.lamp("SPOT", (1, 0, 3), energy=100).parent = lamp
+    scenes.add_light("SPOT", (1, 0, 3), energy=100).parent = lamp
     emitter = scenes.ball((1, 0, 0), 0.3)
     bend = emitter.modifiers.new("Bend", "SIMPLE_DEFORM")
     bend.deform_method = "BEND"

@@ -46,7 +46,7 @@ def matte() -> Any:
     return material
 
 
-def lamp(kind: str, place: tuple[float, float, float], energy: float) -> Any:
+def add_light(kind: str, place: tuple[float, float, float], energy: float) -> Any:
     data = bpy.data.lights.new(kind.lower(), kind)
     data.energy = energy
     item = bpy.data.objects.new(kind.lower(), data)
@@ -67,8 +67,8 @@ def build() -> None:
     layer = scene.view_layers[0]
     for name in GROUPS:
         layer.lightgroups.add(name=name)
-    lamp("AREA", (3.0, -2.0, 4.0), 300.0).lightgroup = "Key light"
-    lamp("POINT", (-3.0, -3.0, 3.0), 200.0)
+    add_light("AREA", (3.0, -2.0, 4.0), 300.0).lightgroup = "Key light"
+    add_light("POINT", (-3.0, -3.0, 3.0), 200.0)
     glowing("Glow", 12.0, (2.0, 1.5, -0.5)).lightgroup = "glow"
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.2, 0.4, 0.9, 1.0)
     scene.world.lightgroup = "sky"

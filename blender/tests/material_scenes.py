@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 import numpy as np
-from scene_parts import ball, cube, empty, floor, lamp, link, matte, nodes, picture, principled, scene, shaded
+from scene_parts import add_light, ball, cube, empty, floor, link, matte, nodes, picture, principled, scene, shaded
 
 
 @scene
@@ -21,7 +21,7 @@ def dielectrics() -> None:
     ball((-2.2, 0, 1), material=shaded("ShaderNodeBsdfGlass", Roughness=0.0, IOR=1.45))
     ball((0, 0, 1), material=shaded("ShaderNodeBsdfGlass", Roughness=0.3, IOR=1.45, Color=(0.8, 0.9, 1.0)))
     ball((2.2, 0, 1), material=principled(Transmission_Weight=1.0, Roughness=0.1, IOR=1.5))
-    lamp("AREA", (0, 0, 6), energy=200, size=2.0)
+    add_light("AREA", (0, 0, 6), energy=200, size=2.0)
 
 
 @scene
@@ -32,7 +32,7 @@ def metals() -> None:
     ball((-2.2, 0, 1), material=shaded("ShaderNodeBsdfAnisotropic", Color=(0.9, 0.6, 0.2), Roughness=0.2))
     ball((0, 0, 1), material=principled(Metallic=1.0, Roughness=0.3, Base_Color=(0.9, 0.5, 0.3)))
     ball((2.2, 0, 1), material=principled(Metallic=0.0, Roughness=0.05, Base_Color=(0.1, 0.2, 0.6)))
-    lamp("AREA", (0, -3, 5), (30, 0, 0), energy=200, size=2.0)
+    add_light("AREA", (0, -3, 5), (30, 0, 0), energy=200, size=2.0)
 
 
 @scene
@@ -67,7 +67,7 @@ def textures() -> None:
     plain_tree.links.new(diffuse.outputs[0], plain_output.inputs["Surface"])
     ball((-1.5, 0, 1), material=plain)
     cube((1.5, 0, 0.75), material=plain)
-    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+    add_light("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
 
 
 @scene
@@ -141,7 +141,7 @@ def reliefs() -> None:
         tree.links.new(shader.outputs[0], output.inputs["Surface"])
     floor(bpy.data.materials["Bump"])
     ball((0, 0, 1), material=bpy.data.materials["Normals"])
-    lamp("AREA", (0, -3, 5), (30, 0, 0), energy=200, size=2.0)
+    add_light("AREA", (0, -3, 5), (30, 0, 0), energy=200, size=2.0)
 
 
 @scene
@@ -181,7 +181,7 @@ def mixes() -> None:
         tree.links.new(light.outputs[0], join.inputs[-1])
         tree.links.new(join.outputs[0], output.inputs["Surface"])
         cube((x, 1.5, 0.5), 0.8, glow)
-    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+    add_light("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
 
 
 @scene
@@ -202,7 +202,7 @@ def coats() -> None:
         tree.links.new(above.outputs[0], mix.inputs[2])
         tree.links.new(mix.outputs[0], output.inputs["Surface"])
         ball((x, 0, 1), material=material)
-    lamp("AREA", (0, -3, 5), (30, 0, 0), energy=200, size=2.0)
+    add_light("AREA", (0, -3, 5), (30, 0, 0), energy=200, size=2.0)
 
 
 @scene
@@ -221,8 +221,8 @@ def subsurface() -> None:
         if bpy.app.version < (4, 0, 0):
             material.node_tree.nodes["Principled BSDF"].subsurface_method = "RANDOM_WALK_FIXED_RADIUS"
         ball((x, 0, 1), material=material)
-    lamp("AREA", (0, 3, 4), (-40, 0, 0), energy=300, size=2.0)
-    lamp("AREA", (0, -3, 5), (30, 0, 0), energy=100, size=2.0)
+    add_light("AREA", (0, 3, 4), (-40, 0, 0), energy=300, size=2.0)
+    add_light("AREA", (0, -3, 5), (30, 0, 0), energy=100, size=2.0)
 
 
 @scene
@@ -256,7 +256,7 @@ def groups() -> None:
     tree.links.new(node.outputs[0], output.inputs["Surface"])
     floor(material)
     ball((0, 0, 1), material=material)
-    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+    add_light("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
 
 
 @scene
@@ -277,7 +277,7 @@ def smoke() -> None:
     end = next(node for node in glass.node_tree.nodes if node.bl_idname == "ShaderNodeOutputMaterial")
     glass.node_tree.links.new(absorb.outputs[0], end.inputs["Volume"])
     ball((1.5, 0, 1), material=glass)
-    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+    add_light("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
 
 
 @scene
@@ -289,7 +289,7 @@ def layered() -> None:
     ball((-0.8, 0, 1), 0.8, principled(Base_Color=(0.1, 0.1, 0.3), Roughness=0.9, Sheen_Weight=0.5))
     ball((0.8, 0, 1), 0.8, principled(Base_Color=(0.2, 0.6, 0.2), Alpha=0.5))
     ball((2.4, 0, 1), 0.8, principled(Base_Color=(0.1, 0.1, 0.1), Emission_Color=(0.3, 0.5, 1.0), Emission_Strength=1.5))
-    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+    add_light("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
 
 
 def by_ray(name: str, output: str, first: str, second: str, **values: Any) -> Any:
@@ -322,7 +322,7 @@ def kinds_of_ray() -> None:
     ball((-0.6, 0, 1), 0.9, glass)
     ball((1.2, 0.4, 0.9), 0.9, shaded("ShaderNodeBsdfAnisotropic", Color=(0.9, 0.9, 0.9), Roughness=0.0))
     cube((2.6, -0.6, 0.5), 1.0, by_ray("Reflected", "Is Glossy Ray", diffuse, diffuse, first_Color=(0.1, 0.5, 0.1), second_Color=(0.8, 0.1, 0.1)))
-    lamp("POINT", (0, -3, 5), energy=200, shadow_soft_size=0.0)
+    add_light("POINT", (0, -3, 5), energy=200, shadow_soft_size=0.0)
 
 
 @scene
@@ -366,7 +366,7 @@ def object_values() -> None:
     for index in range(4):
         item = ball((index - 1.5, 1.2, 0.4), 0.4, own)
         item["shade"], item["glow"], item.pass_index = 0.2 * index, 0.9 - 0.2 * index, 2 * index
-    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+    add_light("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
 
 
 def procedural() -> None:
@@ -382,4 +382,4 @@ def procedural() -> None:
     tree.links.new(mix.outputs[0], shader.inputs["Color"])
     tree.links.new(shader.outputs[0], output.inputs["Surface"])
     floor(material)
-    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+    add_light("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)

@@ -7,7 +7,7 @@ import math
 
 import bpy
 from object_scenes import spherical
-from scene_parts import ball, blurred, cube, empty, floor, lamp, link, matte, moved, scene, shaded, textured_room
+from scene_parts import add_light, ball, blurred, cube, empty, floor, link, matte, moved, scene, shaded, textured_room
 
 
 @scene
@@ -25,7 +25,7 @@ def moving_objects() -> None:
     sharp = cube((2.5, 0, 0.5), 0.8, matte((0.2, 0.3, 0.7)))
     moved(sharp, "location", (2.0, 0, 0.5), (3.0, 0, 0.5))
     sharp.cycles.use_motion_blur = False
-    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+    add_light("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
     blurred(made, 0.6, "START")
 
 
@@ -38,7 +38,7 @@ def rolling_shutter() -> None:
         bar = cube((x, 0.5, 1.5), 1.0, matte((0.8, 0.4, 0.1)))
         bar.scale = (0.3, 0.3, 3.0)
         moved(bar, "location", (x - 0.5 * length, 0.5, 1.5), (x + 0.5 * length, 0.5, 1.5))
-    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+    add_light("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
     made.cycles.rolling_shutter_type, made.cycles.rolling_shutter_duration = "TOP", 0.2
     blurred(made)
 
@@ -53,7 +53,7 @@ def turning_objects() -> None:
         bar.scale = (1.7 * scale, 0.25, 0.25)
         bar.cycles.motion_steps = steps
         moved(bar, "rotation_euler", (0, 0, 0), (0, math.radians(250), 0))
-    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+    add_light("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
     blurred(made, 0.8, "END")
 
 
@@ -89,7 +89,7 @@ def deforming_meshes() -> None:
         point.co = (0, 0, 0)
     moved(flat, "value", -1.0, 1.0)
     flat.slider_min = -1.0
-    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+    add_light("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
     blurred(made)
 
 
@@ -138,12 +138,12 @@ def moving_lamps() -> None:
     floor(matte())
     for x in (-1.5, 0.0, 1.5):
         cube((x, 0.3, 0.4), 0.6, matte((0.6, 0.5, 0.4)))
-    point = lamp("POINT", (0, 0, 0), energy=100, shadow_soft_size=0.05)
+    point = add_light("POINT", (0, 0, 0), energy=100, shadow_soft_size=0.05)
     moved(point, "location", (-2.5, -1.5, 1.5), (-0.5, -1.5, 1.5))
-    area = lamp("AREA", (0, 0, 0), energy=60, size=0.6)
+    area = add_light("AREA", (0, 0, 0), energy=60, size=0.6)
     moved(area, "location", (0.5, 1.0, 2.5), (2.5, 1.0, 2.5))
     moved(area, "rotation_euler", (0.2, -0.6, 0), (0.2, 0.8, 0))
-    spot = lamp("SPOT", (3.0, -3.0, 3.0), energy=200, spot_size=math.radians(30), spot_blend=0.2, shadow_soft_size=0.0)
+    spot = add_light("SPOT", (3.0, -3.0, 3.0), energy=200, spot_size=math.radians(30), spot_blend=0.2, shadow_soft_size=0.0)
     moved(spot, "rotation_euler", (math.radians(40), math.radians(10), math.radians(20)), (math.radians(40), math.radians(10), math.radians(80)))
     blurred(made)
 
@@ -179,7 +179,7 @@ def moving_instances() -> None:
     source.particle_systems[0].point_cache.frame_start = -3
     for frame in range(-3, 3):
         made.frame_set(frame)
-    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+    add_light("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
     blurred(made)
 
 
@@ -213,5 +213,5 @@ def moving_nodes() -> None:
     flying = cube((1.8, -1.5, 0.5), 0.5, matte((0.2, 0.3, 0.7)))
     velocity = flying.data.attributes.new("velocity", "FLOAT_VECTOR", "POINT")
     velocity.data.foreach_set("vector", [12.0, 0.0, 0.0] * 4 + [24.0, 0.0, 0.0] * 4)
-    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+    add_light("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
     blurred(made)

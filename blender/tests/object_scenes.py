@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 import numpy as np
-from scene_parts import ball, cube, empty, floor, lamp, link, matte, nodes, scene, shaded, textured_room
+from scene_parts import add_light, ball, cube, empty, floor, link, matte, nodes, scene, shaded, textured_room
 
 
 @scene
@@ -24,7 +24,7 @@ def bare() -> None:
     empty((0.3, 0.3, 0.3))
     floor()
     cube((0, 0, 0.75))
-    lamp("AREA", (3, -1, 3), (0, 30, 0), energy=60, shape="RECTANGLE", size=1.5, size_y=0.5)
+    add_light("AREA", (3, -1, 3), (0, 30, 0), energy=60, shape="RECTANGLE", size=1.5, size_y=0.5)
 
 
 @scene
@@ -33,12 +33,12 @@ def lights() -> None:
     empty((0.02, 0.02, 0.02))
     floor(matte())
     cube((0, 0, 0.75), material=matte((0.6, 0.3, 0.2)))
-    sun = lamp("SUN", (0, 0, 5), (40, 20, 0), energy=0.7, angle=0.0)
-    lamp("SPOT", (-3, -1, 3.5), (0, -30, 0), energy=300, spot_size=math.radians(50), spot_blend=0.3, shadow_soft_size=0.0)
-    lamp("AREA", (3, -1, 3), (0, 30, 0), energy=60, shape="RECTANGLE", size=1.5, size_y=0.5)
-    lamp("AREA", (0, 2.5, 3), (-20, 0, 0), energy=60, shape="DISK", size=1.0)
-    lamp("AREA", (-2.5, 2, 2.5), (0, 0, 0), energy=20, shape="ELLIPSE", size=1.0, size_y=0.4)
-    glow = lamp("POINT", (2.5, -2, 1.5), energy=0.3, shadow_soft_size=0.0)
+    sun = add_light("SUN", (0, 0, 5), (40, 20, 0), energy=0.7, angle=0.0)
+    add_light("SPOT", (-3, -1, 3.5), (0, -30, 0), energy=300, spot_size=math.radians(50), spot_blend=0.3, shadow_soft_size=0.0)
+    add_light("AREA", (3, -1, 3), (0, 30, 0), energy=60, shape="RECTANGLE", size=1.5, size_y=0.5)
+    add_light("AREA", (0, 2.5, 3), (-20, 0, 0), energy=60, shape="DISK", size=1.0)
+    add_light("AREA", (-2.5, 2, 2.5), (0, 0, 0), energy=20, shape="ELLIPSE", size=1.0, size_y=0.4)
+    glow = add_light("POINT", (2.5, -2, 1.5), energy=0.3, shadow_soft_size=0.0)
     # Nodes: a temperature, and a strength by a falloff
     glow.data.use_nodes = True
     tree = glow.data.node_tree
@@ -75,7 +75,7 @@ def instances() -> None:
     shared.material_slots[0].link = "OBJECT"
     shared.material_slots[0].material = matte((0.8, 0.2, 0.2))
     shared.rotation_euler = (0, 0, 0.5)
-    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+    add_light("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
 
 
 @scene
@@ -89,7 +89,7 @@ def text() -> None:
     bpy.ops.curve.primitive_bezier_circle_add(location=(1.5, 0, 1))
     bpy.context.object.data.bevel_depth = 0.15
     bpy.ops.object.metaball_add(type="BALL", location=(3, 1, 1))
-    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+    add_light("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
 
 
 @scene
@@ -180,7 +180,7 @@ def hair() -> None:
     """Hair of particles: pigments, color and absorption, with children and without."""
     made = empty((0.6, 0.65, 0.8))
     made.cycles_curves.shape = "THICK"
-    lamp("AREA", (3, -3, 5), (45, 0, 45), energy=600.0, size=3.0)
+    add_light("AREA", (3, -3, 5), (45, 0, 45), energy=600.0, size=3.0)
     kinds: list[tuple[str, dict[str, Any]]] = [
         ("MELANIN", {"Melanin": 0.5, "Melanin Redness": 0.7}),
         ("COLOR", {"Color": (0.5, 0.1, 0.05, 1.0), "Roughness": 0.4}),
@@ -211,7 +211,7 @@ def fibres() -> None:
     """Curves of a curves object, twice, with a matte surface."""
     made = empty((0.6, 0.65, 0.8))
     made.cycles_curves.shape = "THICK"
-    lamp("SUN", (0, 0, 5), (30, 20, 0), energy=2.0)
+    add_light("SUN", (0, 0, 5), (30, 20, 0), energy=2.0)
     data = bpy.data.hair_curves.new("Fibres")
     data.materials.append(matte((0.7, 0.4, 0.1)))
     counts = [2 + index % 6 for index in range(150)]

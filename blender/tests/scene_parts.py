@@ -73,7 +73,7 @@ def cube(location: tuple[float, float, float], size: float = 1.5, material: Any 
     return bpy.context.object
 
 
-def lamp(kind: str, location: tuple[float, float, float], rotation: tuple[float, float, float] = (0, 0, 0), **values: Any) -> Any:
+def add_light(kind: str, location: tuple[float, float, float], rotation: tuple[float, float, float] = (0, 0, 0), **values: Any) -> Any:
     """Adds a light; angles are degrees."""
     data = bpy.data.lights.new(kind.title(), kind)
     for name, value in values.items():
@@ -147,7 +147,7 @@ def textured_room() -> Any:
     floor(material)
     cube((-1, 0, 0.75), material=matte((0.7, 0.2, 0.2)))
     ball((1.5, 1, 1), material=matte((0.2, 0.3, 0.7)))
-    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+    add_light("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
     return made
 
 

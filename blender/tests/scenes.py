@@ -10,11 +10,12 @@ import motion_scenes  # noqa: F401
 import volume_scenes  # noqa: F401
 from material_scenes import by_ray, groups, procedural
 from object_scenes import factory, instances
-from scene_parts import SCENES, ball, blurred, cube, empty, floor, lamp, link, matte, moved, nodes, picture, principled, shaded, textured_room
+from scene_parts import SCENES, add_light, ball, blurred, cube, empty, floor, link, matte, moved, nodes, picture, principled, shaded, textured_room
 from world_scenes import sky
 
 __all__ = [
     "SCENES",
+    "add_light",
     "ball",
     "blurred",
     "by_ray",
@@ -24,7 +25,6 @@ __all__ = [
     "floor",
     "groups",
     "instances",
-    "lamp",
     "link",
     "matte",
     "moved",

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from scene_parts import empty, floor, lamp, matte, nodes, scene
+from scene_parts import add_light, empty, floor, matte, nodes, scene
 
 FIRE = Path(__file__).parents[2] / "crates/bottega-scene/tests/voxels/data/fire.vdb"
 """A ball of smoke, densest and hottest in its middle, around (1.8, 2.8, 3.8), 1.7 wide."""
@@ -52,7 +52,7 @@ def clouds() -> None:
     tree.links.new(grid.outputs["Fac"], product.inputs[0])
     tree.links.new(product.outputs[0], tree.nodes["Volume Scatter"].inputs["Density"])
     volume((1.4, 0, 1.2), (1.2, 1.2, 1.2), scatter)
-    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=300, size=2.0)
+    add_light("AREA", (0, -2, 5), (20, 0, 0), energy=300, size=2.0)
 
 
 @scene

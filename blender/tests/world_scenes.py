@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from scene_parts import ball, cube, empty, floor, lamp, matte, picture, principled, scene, shaded
+from scene_parts import add_light, ball, cube, empty, floor, matte, picture, principled, scene, shaded
 
 
 @scene
@@ -96,7 +96,7 @@ def clear_film() -> None:
     ball((-1.5, 0, 1), 0.8, shaded("ShaderNodeEmission", Color=(0.2, 0.5, 1.0), Strength=1.5))
     ball((0.2, 0, 0.8), 0.8, principled(Base_Color=(0.8, 0.3, 0.2), Alpha=0.5))
     ball((1.8, 0, 0.8), 0.8, shaded("ShaderNodeBsdfGlass", Roughness=0.0, IOR=1.45))
-    for item in (lamp("AREA", (0.9, 2, 1.2), (70, 0, 0), energy=20, size=0.8), lamp("POINT", (-0.6, 1, 1.4), energy=20, shadow_soft_size=0.25)):
+    for item in (add_light("AREA", (0.9, 2, 1.2), (70, 0, 0), energy=20, size=0.8), add_light("POINT", (-0.6, 1, 1.4), energy=20, shadow_soft_size=0.25)):
         item.visible_camera = True
 
 
@@ -106,7 +106,7 @@ def clear_panorama() -> None:
     made = pictured_world()
     made.render.film_transparent = True
     ball((0, -1.5, 0.5), 0.5, shaded("ShaderNodeEmission", Color=(0.2, 0.5, 1.0), Strength=1.5))
-    light = lamp("POINT", (-0.6, -1.3, 1.8), energy=20, shadow_soft_size=0.25)
+    light = add_light("POINT", (-0.6, -1.3, 1.8), energy=20, shadow_soft_size=0.25)
     light.visible_camera = True
     if hasattr(light.data, "use_soft_falloff"):
         light.data.use_soft_falloff = False

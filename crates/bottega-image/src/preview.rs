@@ -36,7 +36,7 @@ impl Preview {
         if coarse.data.is_empty() {
             return;
         }
-        // Interpolate displayed values, not radiance: a lamp outshines the cells around it.
+        // Interpolate displayed values, not radiance: a light outshines the cells around it.
         let cells = Canvas::of_picture(coarse, self.exposure_stops, self.tone);
         let columns: Vec<_> =
             (self.rect.x0..self.rect.x1).map(|x| between(x - picture.x0, picture.width(), cells.width)).collect();

@@ -36,7 +36,7 @@ def pyramid() -> bottega.Scene:
     scene = bottega.Scene()
     scene.materials["floor"] = bottega.Material.matte((0.7, 0.7, 0.7))
     scene.materials["orange"] = bottega.Material(bottega.Layered((0.7, 0.3, 0.1), roughness=0.4))
-    scene.materials["lamp"] = bottega.Material.lamp((12, 12, 12))
+    scene.materials["lamp"] = bottega.Material.emitter((12, 12, 12))
     meshes = {
         "floor": ([[-6, 0, -6], [6, 0, -6], [6, 0, 6], [-6, 0, 6]], [[0, 2, 1], [0, 3, 2]]),
         "orange": (

@@ -63,7 +63,7 @@ pub enum NotFlat {
     #[error("media that scatter or have no refracting boundary, and subsurface scattering")]
     Media,
     /// Panes, which transmit light straight through without counting as a bounce.
-    #[error("panes that transmit the light of lamps without extent")]
+    #[error("panes between surfaces and lights without extent")]
     Panes,
     /// A camera that does not see emitters.
     #[error("a camera that does not see lights")]
@@ -73,11 +73,11 @@ pub enum NotFlat {
     Curves,
     /// Lights that no ray can hit.
     #[error("lamps that are not there")]
-    AbsentLamps,
+    InvisibleLights,
     /// Surfaces or lights that are not there for some kinds of ray.
     #[error("visibility by kind of ray")]
     Visibility,
-    /// Lamps that do not emit in all directions.
+    /// Lights that do not emit in all directions.
     #[error("lamps that shine into a cone")]
     EmissionProfiles,
     /// Sums of surfaces.
@@ -124,7 +124,7 @@ impl FlatScene {
         }
         let is_absent = |material: usize| prepared.scene().materials[material].alpha_mode == AlphaMode::Absent;
         if used_materials(prepared.scene()).any(is_absent) {
-            missing.push(NotFlat::AbsentLamps);
+            missing.push(NotFlat::InvisibleLights);
         }
         let scene = prepared.scene();
         let mut lights = scene.lights.iter().map(|light| light.visibility);

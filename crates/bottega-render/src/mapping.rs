@@ -254,7 +254,7 @@ mod tests {
         let mut scene = Scene {
             images: vec![slope()].into(),
             mappings: vec![plain(MappingKind::Planar)],
-            materials: vec![Material::lamp(Spectrum::ONE)],
+            materials: vec![Material::emitter(Spectrum::ONE)],
             ..Scene::default()
         };
         let map = |uv_set| TextureMap { uv_set, ..TextureMap::new(ImageId(0)) };

@@ -79,7 +79,7 @@ fn scene() -> Scene {
             Material::matte(Spectrum::new(0.5, 0.45, 0.4)),
             Material::matte(Spectrum::new(0.7, 0.3, 0.2)),
             Surface::Dielectric(glass).into(),
-            Material::lamp(Spectrum::splat(20.0)),
+            Material::emitter(Spectrum::splat(20.0)),
         ],
         environment: Some(Environment::uniform(Spectrum::splat(0.4))),
         cameras: vec![Camera {

@@ -131,7 +131,7 @@ pub use param::{ColorParam, ScalarParam};
 pub use part_names::PartNames;
 pub use resource::SceneFile;
 pub use saved::save_scene;
-pub use shaped_light::{AreaLamp, SphereLamp, SpotCone};
+pub use shaped_light::{AreaLight, SphereLight, SpotCone};
 pub use shared_list::SharedList;
 pub use subsurface::{RadiusMeaning, Substance, Subsurface};
 pub use summary::SceneSummary;

@@ -193,7 +193,7 @@ impl Material {
     }
 
     /// Returns a black surface that emits constant radiance, in W·sr⁻¹·m⁻², from its front.
-    pub fn lamp(radiance: Spectrum) -> Self {
+    pub fn emitter(radiance: Spectrum) -> Self {
         Self { emission: radiance.into(), emission_sides: Sides::Front, ..Self::matte(Spectrum::ZERO) }
     }
 

@@ -19,7 +19,7 @@ const ELLIPSE_CORNERS: u32 = 48;
 
 /// A sphere that emits, everywhere or into a cone: a point or spot light with soft shadows.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SphereLamp {
+pub struct SphereLight {
     /// Centre, world space.
     #[serde(with = "crate::numbers")]
     pub position: Vec3,
@@ -48,7 +48,7 @@ pub struct SpotCone {
 
 /// A rectangle or an ellipse that emits from its front.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct AreaLamp {
+pub struct AreaLight {
     /// Light space to world space; may scale. The light lies around the origin in the plane z = 0 and emits towards −z.
     #[serde(with = "crate::numbers")]
     pub world_from_light: Affine3A,
@@ -65,8 +65,8 @@ pub struct AreaLamp {
     pub spread: f32,
 }
 
-impl SphereLamp {
-    /// Returns the lamp's material, or the reason why there is none.
+impl SphereLight {
+    /// Returns the light's material, or the reason why there is none.
     pub(crate) fn material(&self) -> Result<Material, &'static str> {
         let is_in_reach = self.position.is_finite() && self.position.abs().max_element() <= COORDINATE_MAX;
         if !is_in_reach {
@@ -82,7 +82,7 @@ impl SphereLamp {
         if !profile.is_sound() {
             return Err("its cone is inside out, or its direction not of unit length");
         }
-        lamp(self.intensity / (std::f32::consts::PI * self.radius * self.radius), profile)
+        emitter(self.intensity / (std::f32::consts::PI * self.radius * self.radius), profile)
     }
 
     /// Puts it into a scene.
@@ -94,7 +94,7 @@ impl SphereLamp {
     }
 }
 
-impl AreaLamp {
+impl AreaLight {
     /// Returns half of its extents in world space, and its area.
     fn extents(&self) -> ([Vec3A; 2], f32) {
         let axes = self.world_from_light.matrix3;
@@ -103,7 +103,7 @@ impl AreaLamp {
         ([x, y], shape * x.cross(y).length())
     }
 
-    /// Returns the lamp's material, or the reason why there is none.
+    /// Returns the light's material, or the reason why there is none.
     pub(crate) fn material(&self) -> Result<Material, &'static str> {
         let ([x, y], area) = self.extents();
         let is_in_reach = self.world_from_light.is_finite()
@@ -121,7 +121,7 @@ impl AreaLamp {
             return Err("its spread is not from 0.2° to 180°");
         }
         // The camera does not see its back
-        let material = lamp(self.power / (std::f32::consts::PI * area), profile)?;
+        let material = emitter(self.power / (std::f32::consts::PI * area), profile)?;
         Ok(Material { culls_back: true, ..material })
     }
 
@@ -155,34 +155,34 @@ impl AreaLamp {
 }
 
 /// Returns the material of a light of this radiance.
-fn lamp(radiance: Spectrum, emission_profile: EmissionProfile) -> Result<Material, &'static str> {
+fn emitter(radiance: Spectrum, emission_profile: EmissionProfile) -> Result<Material, &'static str> {
     let is_sound = radiance.to_array().into_iter().all(|channel| (0.0..=FACTOR_MAX).contains(&channel));
     if !is_sound {
         return Err("its strength is negative or not finite, or more than 1e15 for its size");
     }
     let surface = Surface::clear_sheet(Spectrum::ONE.into());
-    Ok(Material { surface, see_through: true, emission_profile, ..Material::lamp(radiance) })
+    Ok(Material { surface, see_through: true, emission_profile, ..Material::emitter(radiance) })
 }
 
 /// A light with a shape.
 pub(crate) enum ShapedLight<'a> {
-    Sphere(&'a SphereLamp),
-    Area(&'a AreaLamp),
+    Sphere(&'a SphereLight),
+    Area(&'a AreaLight),
 }
 
 impl Scene {
     /// Adds a light with a shape. It casts no shadow. One that is not sound is left out.
     pub(crate) fn push_shaped_light(&mut self, name: &str, light: &ShapedLight<'_>, visibility: Visibility) {
         let material = match light {
-            ShapedLight::Sphere(lamp) => lamp.material(),
-            ShapedLight::Area(lamp) => lamp.material(),
+            ShapedLight::Sphere(light) => light.material(),
+            ShapedLight::Area(light) => light.material(),
         };
         let Ok(material) = material else { return };
         let material = self.push_material(Material { name: name.to_owned(), ..material });
         let visibility = visibility.without(Visibility::SHADOW);
         match light {
-            ShapedLight::Sphere(lamp) => lamp.place(self, material, visibility),
-            ShapedLight::Area(lamp) => lamp.place(self, material, visibility),
+            ShapedLight::Sphere(light) => light.place(self, material, visibility),
+            ShapedLight::Area(light) => light.place(self, material, visibility),
         }
     }
 }

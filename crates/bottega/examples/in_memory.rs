@@ -33,7 +33,7 @@ fn scene() -> Scene {
         materials: vec![
             Material::matte(Spectrum::splat(0.7)),
             Material::matte(Spectrum::from_array([0.7, 0.3, 0.1])),
-            Material::lamp(Spectrum::splat(12.0)),
+            Material::emitter(Spectrum::splat(12.0)),
         ],
         environment: Some(Environment::uniform(Spectrum::splat(0.1))),
         cameras: vec![Camera {

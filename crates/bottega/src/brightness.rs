@@ -6,7 +6,7 @@ use bottega_image::{Film, luminance};
 const MIDDLE_GREY: f32 = 0.18;
 /// Distance from middle grey, in stops, beyond which nothing is visible with any tone curve.
 const STOPS_MAX: f32 = 6.0;
-/// Quantile of the lit pixels that stands for the bright ones; pixels above it are lamps and noise.
+/// Quantile of the lit pixels that stands for the bright ones; pixels above it are lights and noise.
 const BRIGHT: f32 = 0.99;
 /// Largest number of pixels examined.
 const PIXELS: usize = 1 << 20;

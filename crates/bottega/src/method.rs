@@ -97,7 +97,7 @@ fn chosen(
         }
         TransportPaths::Photons(hints) => (IntegratorChoice::Photon, Some(hints), None),
         TransportPaths::BothEnds if hides_light(subject.scene()) => {
-            let reason = ", which finds the light of small lamps over mirrors and through glass, too";
+            let reason = ", which also finds what small lights send over mirrors and through glass";
             (IntegratorChoice::Photon, Some(PhotonHints::default()), Some(reason))
         }
         TransportPaths::BothEnds | TransportPaths::Paths { .. } => (IntegratorChoice::Path, None, None),

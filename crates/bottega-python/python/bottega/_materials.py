@@ -153,7 +153,7 @@ class Material(Value):
         return cls(Diffuse(color))
 
     @classmethod
-    def lamp(cls, radiance: Color) -> Material:
+    def emitter(cls, radiance: Color) -> Material:
         """Makes a black surface that emits the same radiance in all directions from its front."""
         return cls(Diffuse(0.0), emission=radiance, emission_sides="front")
 

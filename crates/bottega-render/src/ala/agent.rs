@@ -142,7 +142,7 @@ impl CastRange<'_> {
     }
 
     /// Sends a scout from some of the agents: one diffuse bounce to surfaces without direct light, such as the ceiling
-    /// around a lamp. A scout belongs to no light.
+    /// around a light. A scout belongs to no light.
     fn send_scout(&self, from: &Agent, point: &Interaction, agents: &mut Vec<Agent>) {
         let sampler = PixelSampler::new(self.seed ^ SCOUT_SEED, from.clone, 0, from.cast);
         let [chance, u, v, _] = sampler.quad(DimensionSet::CAMERA);

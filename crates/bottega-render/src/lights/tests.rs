@@ -64,7 +64,7 @@ fn of_all_kinds(count: u32) -> Scene {
         let (x, y) = crate::sampling::orthonormal_basis(uniform_sphere([next(), next()]));
         let size = 0.05 + 0.5 * next();
         let emission_sides = [Sides::Front, Sides::Back, Sides::Both][i as usize % 3];
-        let material = Material { emission_sides, ..Material::lamp(radiance) };
+        let material = Material { emission_sides, ..Material::emitter(radiance) };
         match i % 6 {
             0 => scene.lights.push(name(LightKind::Point { position: place, intensity: radiance * 0.1 })),
             1 => scene.lights.push(name(LightKind::Spot {
@@ -220,12 +220,12 @@ fn a_path_that_hits_a_light_gets_the_density_of_its_sample() {
 #[test]
 fn two_triangles_that_make_a_rectangle_are_one_light() {
     let mut scene = Scene::default();
-    add(&mut scene, rectangle(Vec3::new(1.0, 2.0, 3.0), Vec3::X * 2.0, Vec3::Z), Material::lamp(Vec3::ONE));
+    add(&mut scene, rectangle(Vec3::new(1.0, 2.0, 3.0), Vec3::X * 2.0, Vec3::Z), Material::emitter(Vec3::ONE));
     // Almost a right angle, and two oblique triangles that share an edge
-    add(&mut scene, rectangle(Vec3::ZERO, Vec3::X, Vec3::new(0.1, 1.0, 0.0)), Material::lamp(Vec3::ONE));
+    add(&mut scene, rectangle(Vec3::ZERO, Vec3::X, Vec3::new(0.1, 1.0, 0.0)), Material::emitter(Vec3::ONE));
     let mut tilted = rectangle(Vec3::ZERO, Vec3::X, Vec3::Y);
     tilted.positions[3].z = 0.2;
-    add(&mut scene, tilted, Material::lamp(Vec3::ONE));
+    add(&mut scene, tilted, Material::emitter(Vec3::ONE));
     let prepared = prepare(scene);
     assert_eq!(prepared.lights().lights.len(), 1 + 2 + 2);
 }
@@ -234,7 +234,7 @@ fn two_triangles_that_make_a_rectangle_are_one_light() {
 fn a_light_behind_the_receiver_or_turned_away_is_never_chosen() {
     let mut scene = Scene::default();
     for (place, y) in [(Vec3::Y, Vec3::Z), (Vec3::Y * 2.0, -Vec3::Z), (Vec3::NEG_Y, -Vec3::Z)] {
-        add(&mut scene, rectangle(place, Vec3::X * 0.1, y * 0.1), Material::lamp(Vec3::ONE));
+        add(&mut scene, rectangle(place, Vec3::X * 0.1, y * 0.1), Material::emitter(Vec3::ONE));
     }
     let prepared = prepare(scene);
     let receiver = Receiver { p: Vec3::ZERO, n: Vec3::Y };
@@ -283,7 +283,7 @@ fn time_and_noise_of_a_light_sample() {
             add(
                 &mut scene,
                 mesh,
-                Material { emission_sides: Sides::Both, ..Material::lamp(Vec3::splat(0.1 + next())) },
+                Material { emission_sides: Sides::Both, ..Material::emitter(Vec3::splat(0.1 + next())) },
             );
         }
         let start = Instant::now();

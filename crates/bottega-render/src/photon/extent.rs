@@ -77,7 +77,7 @@ mod tests {
         scene.push_surface(mesh);
     }
 
-    /// A room with a lamp, alone or on a ground that reaches far.
+    /// A room with a light, alone or on a ground that reaches far.
     fn room(ground: Option<f32>) -> PreparedScene {
         let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.0, 2.9), 0.0)], ..Scene::default() };
         add(&mut scene, Mesh::cuboid(Vec3::splat(-3.0), Vec3::splat(3.0)));

@@ -97,7 +97,7 @@ pub(crate) fn lamps(along: [u32; 2]) -> Scene {
     for i in 0..columns * rows {
         let at = |i: u32, count: u32| 3.6 * (i as f32 + 0.5) / count as f32 - 1.8;
         let corner = Vec3::new(at(i % columns, columns), 0.98, at(i / columns, rows));
-        let lamp = Material::lamp(Vec3::splat(2000.0 / (columns * rows) as f32));
+        let lamp = Material::emitter(Vec3::splat(2000.0 / (columns * rows) as f32));
         add_quad(&mut scene, corner, Vec3::X * 0.05, Vec3::Z * 0.05, lamp);
     }
     scene.environment = Some(Environment::uniform(Vec3::splat(0.5)));
@@ -131,7 +131,7 @@ pub(crate) fn around_a_corner() -> Scene {
     let white = matte(Vec3::splat(0.75));
     add_room(&mut scene, Vec3::new(2.0, 1.0, 2.0), &white);
     add_quad(&mut scene, Vec3::new(0.9, -1.0, -2.0), Vec3::Y * 2.0, Vec3::Z * 3.4, white);
-    let lamp = Material::lamp(Vec3::splat(300.0));
+    let lamp = Material::emitter(Vec3::splat(300.0));
     add_quad(&mut scene, Vec3::new(1.3, 0.99, -0.5), Vec3::X * 0.2, Vec3::Z * 0.2, lamp);
     add_sphere(&mut scene, Vec3::new(-1.0, -0.6, 0.0), 0.4, crate::render::scenes::glass());
     scene

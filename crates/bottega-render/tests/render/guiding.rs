@@ -28,7 +28,7 @@ pub(crate) fn behind_a_screen(wall: &Material) -> Scene {
         Scene { cameras: vec![camera(Vec3::new(-1.6, 0.0, 1.8), Vec3::new(-1.0, 0.0, -2.0), 1.0)], ..Scene::default() };
     add_room(&mut scene, Vec3::new(2.0, 1.0, 2.0), wall);
     add_quad(&mut scene, Vec3::new(0.9, -1.0, -2.0), Vec3::Y * 2.0, Vec3::Z * 3.2, matte(Vec3::splat(0.6)));
-    let lamp = Material::lamp(Vec3::splat(60.0));
+    let lamp = Material::emitter(Vec3::splat(60.0));
     add_quad(&mut scene, Vec3::new(1.3, 0.99, -0.5), Vec3::X * 0.4, Vec3::Z * 0.4, lamp);
     scene
 }

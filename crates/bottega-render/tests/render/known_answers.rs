@@ -182,7 +182,7 @@ fn a_square_overhead_gives_its_configuration_factor() {
             let mut scene = floor();
             scene.cameras[0] = camera(Vec3::new(3.0, 0.4, 0.0), Vec3::ZERO, 0.001);
             let corner = Vec3::new(-half, height, -half);
-            let light = Material::lamp(Vec3::splat(3.0));
+            let light = Material::emitter(Vec3::splat(3.0));
             add_quad(&mut scene, corner, Vec3::X * (2.0 * half), Vec3::Z * (2.0 * half), light);
             assert_near(irradiance(scene, direct_light), PI * 3.0 * factor, 0.02);
         }
@@ -193,7 +193,7 @@ fn a_square_overhead_gives_its_configuration_factor() {
 fn the_back_of_a_one_sided_lamp_is_dark() {
     let mut scene = floor();
     scene.cameras[0] = camera(Vec3::new(3.0, 0.4, 0.0), Vec3::ZERO, 0.001);
-    let light = Material::lamp(Vec3::splat(3.0));
+    let light = Material::emitter(Vec3::splat(3.0));
     add_quad(&mut scene, Vec3::new(-1.0, 1.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, light);
     assert_eq!(irradiance(scene, DirectLight::Combined), 0.0);
 }

@@ -69,7 +69,7 @@ fn light_is_weakened_by_the_exponential_of_its_way() {
     let inner_medium = scene.push_medium(Medium::absorbing(inner));
     add_sphere(&mut scene, Vec3::ZERO, 1.5, boundary(Some(outer_medium), None));
     add_sphere(&mut scene, Vec3::ZERO, 0.5, boundary(Some(inner_medium), Some(outer_medium)));
-    let shine = Material::lamp(Vec3::splat(3.0));
+    let shine = Material::emitter(Vec3::splat(3.0));
     add_quad(&mut scene, Vec3::new(-0.5, -0.5, -4.0), Vec3::X, Vec3::Y, shine);
     let expected = 3.0 * (-2.0 * outer - inner).map(f32::exp);
     let found = color(&paint(&prepare(scene.clone()), (1, 1), 16, deep()), 0, 0);
@@ -91,7 +91,7 @@ fn a_camera_within_a_medium_looks_through_it() {
     let mut scene = Scene { cameras: vec![camera(Vec3::Z * 3.0, Vec3::ZERO, 0.001)], ..Scene::default() };
     let medium = scene.push_medium(Medium { emission: Vec3::splat(0.2), ..Medium::absorbing(sigma) });
     scene.cameras[0].medium = Some(medium);
-    add_quad(&mut scene, Vec3::new(-5.0, -5.0, 0.0), Vec3::X * 10.0, Vec3::Y * 10.0, Material::lamp(Vec3::ONE));
+    add_quad(&mut scene, Vec3::new(-5.0, -5.0, 0.0), Vec3::X * 10.0, Vec3::Y * 10.0, Material::emitter(Vec3::ONE));
     let through = (-3.0 * sigma).map(f32::exp);
     let expected = through + 0.2 * (1.0 - through) / sigma;
     let found = color(&paint(&prepare(scene), (1, 1), 4, deep()), 0, 0);
@@ -145,8 +145,8 @@ pub(crate) fn smoke(medium: Medium) -> Scene {
     add_sphere(&mut scene, Vec3::ZERO, 1.4, boundary(Some(medium), None));
     let floor = Vec3::new(-2.0, -0.8, -2.0);
     add_quad(&mut scene, floor, Vec3::Z * 4.0, Vec3::X * 4.0, matte(Vec3::new(0.7, 0.5, 0.3)));
-    add_sphere(&mut scene, Vec3::new(0.4, 0.3, 0.0), 0.15, Material::lamp(Vec3::splat(4.0)));
-    add_quad(&mut scene, Vec3::new(-0.5, 1.9, -0.5), Vec3::X, Vec3::Z, Material::lamp(Vec3::splat(3.0)));
+    add_sphere(&mut scene, Vec3::new(0.4, 0.3, 0.0), 0.15, Material::emitter(Vec3::splat(4.0)));
+    add_quad(&mut scene, Vec3::new(-0.5, 1.9, -0.5), Vec3::X, Vec3::Z, Material::emitter(Vec3::splat(3.0)));
     scene.environment = Some(Environment::uniform(Vec3::splat(0.05)));
     scene
 }
@@ -155,7 +155,7 @@ pub(crate) fn smoke(medium: Medium) -> Scene {
 fn all_ways_to_find_light_in_smoke_agree() {
     for (sigma, g) in [(Vec3::splat(0.4), 0.0), (Vec3::new(2.0, 1.0, 0.3), 0.6)] {
         let mut scene = smoke(scattering(sigma, g));
-        let lamp = Material { emission_sides: Sides::Both, ..Material::lamp(Vec3::new(1.0, 2.0, 3.0)) };
+        let lamp = Material { emission_sides: Sides::Both, ..Material::emitter(Vec3::new(1.0, 2.0, 3.0)) };
         add_quad(&mut scene, Vec3::new(-0.6, -0.3, -0.3), Vec3::X * 0.4, Vec3::new(0.0, 0.3, 0.3), lamp);
         assert_strategies_agree("smoke", scene);
     }

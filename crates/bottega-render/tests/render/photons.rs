@@ -46,7 +46,7 @@ fn reflections_of_glass_are_in_every_sample() {
     // A ball in the dark, lit by a lamp behind the camera: some 8 % of the light comes back from the ball's front and back.
     let mut scene = Scene { cameras: vec![camera(Vec3::Z * 3.0, Vec3::ZERO, 0.1)], ..Scene::default() };
     add_sphere(&mut scene, Vec3::ZERO, 0.5, glass());
-    add_quad(&mut scene, Vec3::new(-4.0, -4.0, 6.0), Vec3::Y * 8.0, Vec3::X * 8.0, Material::lamp(Vec3::splat(5.0)));
+    add_quad(&mut scene, Vec3::new(-4.0, -4.0, 6.0), Vec3::Y * 8.0, Vec3::X * 8.0, Material::emitter(Vec3::splat(5.0)));
     let tile = paint(&prepare(scene), SIZE, 1, by_photons(few(), 1, 1));
     let seen: Vec<f32> = (0..SIZE.0 * SIZE.1).map(|i| color(&tile, i % SIZE.0, i / SIZE.0).x).collect();
     let mean = seen.iter().sum::<f32>() / seen.len() as f32;

@@ -78,7 +78,7 @@ pub(crate) fn cornell() -> Scene {
     add_quad(&mut scene, Vec3::new(-1.0, -1.0, -1.0), x, y, white.clone());
     add_quad(&mut scene, Vec3::new(-1.0, -1.0, -1.0), y, z, matte(Vec3::new(0.63, 0.065, 0.05)));
     add_quad(&mut scene, Vec3::new(1.0, -1.0, -1.0), z, y, matte(Vec3::new(0.14, 0.45, 0.091)));
-    let light = Material::lamp(Vec3::new(17.0, 12.0, 4.0));
+    let light = Material::emitter(Vec3::new(17.0, 12.0, 4.0));
     add_quad(&mut scene, Vec3::new(-0.25, 0.99, -0.2), Vec3::X * 0.5, Vec3::Z * 0.4, light);
     add_sphere(&mut scene, Vec3::new(-0.4, -0.55, -0.3), 0.45, white);
     add_sphere(&mut scene, Vec3::new(0.4, -0.65, 0.3), 0.35, glass());

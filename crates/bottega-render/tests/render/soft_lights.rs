@@ -98,7 +98,7 @@ fn spot(radius: f32, cos_inner: f32, cos_outer: f32) -> f32 {
     scene.cameras[0] = camera(Vec3::new(-3.0, 0.5, 0.0), Vec3::ZERO, 0.001);
     if radius > 0.0 {
         let emission_profile = EmissionProfile::Spot { axis, cos_inner, cos_outer, falloff };
-        let lamp = Material::lamp(intensity / (PI * radius * radius));
+        let lamp = Material::emitter(intensity / (PI * radius * radius));
         add_sphere(&mut scene, position, radius, Material { emission_profile, ..lamp });
     } else {
         let kind = LightKind::Spot { position, direction: axis, intensity, cos_inner, cos_outer, falloff };
@@ -123,7 +123,7 @@ fn panel(x: f32, degrees: f32) -> Scene {
     let mut scene = floor();
     scene.cameras[0] = camera(Vec3::new(-3.0, 0.5, 0.0), Vec3::ZERO, 0.001);
     let emission_profile = EmissionProfile::Spread { half_angle: degrees.to_radians() };
-    let lamp = Material { emission_profile, ..Material::lamp(Vec3::splat(3.0)) };
+    let lamp = Material { emission_profile, ..Material::emitter(Vec3::splat(3.0)) };
     add_quad(&mut scene, Vec3::new(x - 0.01, 2.0, -0.01), Vec3::X * 0.02, Vec3::Z * 0.02, lamp);
     scene
 }
@@ -153,7 +153,7 @@ fn all_strategies_find_the_light_of_a_large_panel_with_a_spread() {
         let mut scene = floor();
         scene.cameras[0] = camera(Vec3::new(-3.0, 0.5, 0.0), Vec3::ZERO, 0.001);
         let emission_profile = EmissionProfile::Spread { half_angle: 0.8 };
-        let lamp = Material { emission_profile, ..Material::lamp(Vec3::splat(3.0)) };
+        let lamp = Material { emission_profile, ..Material::emitter(Vec3::splat(3.0)) };
         add_quad(&mut scene, Vec3::new(-0.5, 1.0, -1.0), Vec3::X * 2.0, Vec3::Z * 2.0, lamp);
         irradiance(scene, direct_light)
     });

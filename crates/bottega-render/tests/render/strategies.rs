@@ -66,7 +66,7 @@ fn in_a_room_with_a_lamp_at_the_ceiling() {
     // Without the glass: light sampling cannot see through it.
     scene.spheres.pop();
     let corner = Vec3::new(-0.6, 0.7, -0.6);
-    add_quad(&mut scene, corner, Vec3::X * 1.2, Vec3::Z * 1.2, Material::lamp(Vec3::ONE));
+    add_quad(&mut scene, corner, Vec3::X * 1.2, Vec3::Z * 1.2, Material::emitter(Vec3::ONE));
     assert_strategies_agree("cornell", scene);
 }
 

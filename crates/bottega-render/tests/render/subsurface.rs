@@ -64,7 +64,7 @@ fn lit(material: &Material, medium: Option<Medium>) -> Scene {
         Vec3::new(-0.7, 0.9, -1.2),
         Vec3::X,
         Vec3::new(0.0, 0.4, -0.4),
-        Material::lamp(Vec3::splat(9.0)),
+        Material::emitter(Vec3::splat(9.0)),
     );
     scene
 }
@@ -125,7 +125,7 @@ fn light_passes_through_a_thin_edge_and_not_through_a_thick_body() {
         let corner = Vec3::new(-2.0, -2.0, 0.0);
         add_quad(&mut scene, corner + Vec3::Z * half, x, y, wax.clone());
         add_quad(&mut scene, corner - Vec3::Z * half, y, x, wax);
-        add_quad(&mut scene, corner - Vec3::Z * 3.0, x, y, Material::lamp(Vec3::splat(10.0)));
+        add_quad(&mut scene, corner - Vec3::Z * 3.0, x, y, Material::emitter(Vec3::splat(10.0)));
         mean_color(&paint(&prepare(scene), (4, 4), 256, PathSettings::default())).x
     };
     let [thin, middle, thick] = [0.1, 0.5, 2.0].map(behind);

@@ -73,7 +73,7 @@ fn a_lamp_behind_coloured_sheets_is_seen_in_their_product() {
         let material = sheet(Surface::clear_sheet(tint.into()));
         add_quad(&mut scene, Vec3::new(-2.0, -2.0, z), Vec3::X * 4.0, Vec3::Y * 4.0, material);
     }
-    add_quad(&mut scene, Vec3::new(-2.0, -2.0, 0.0), Vec3::X * 4.0, Vec3::Y * 4.0, Material::lamp(Vec3::ONE));
+    add_quad(&mut scene, Vec3::new(-2.0, -2.0, 0.0), Vec3::X * 4.0, Vec3::Y * 4.0, Material::emitter(Vec3::ONE));
     let settings = PathSettings { max_depth: 0, ..PathSettings::default() };
     let found = color(&paint(&prepare(scene), (1, 1), 16, settings), 0, 0);
     assert!((found - tint * tint * tint).abs().max_element() < 1e-4, "{found}");

@@ -60,7 +60,7 @@ fn seen(surface: &Surface, visibility: Visibility, direct_light: DirectLight) ->
     let mut scene = floor();
     scene.cameras[0] = camera(Vec3::new(-2.0, 1.5, 0.0), Vec3::ZERO, 0.001);
     scene.materials[0] = surface.clone().into();
-    add_quad(&mut scene, Vec3::new(0.5, 1.0, -1.0), Vec3::X * 2.0, Vec3::Z * 2.0, Material::lamp(Vec3::splat(2.0)));
+    add_quad(&mut scene, Vec3::new(0.5, 1.0, -1.0), Vec3::X * 2.0, Vec3::Z * 2.0, Material::emitter(Vec3::splat(2.0)));
     scene.instances.last_mut().expect("an instance").visibility = visibility;
     if direct_light != DirectLight::BsdfSampling {
         let kind = LightKind::Point { position: Vec3::new(2.0, 2.0, 1.0), intensity: Vec3::splat(3.0) };
@@ -93,7 +93,7 @@ fn lobes_find_the_lamps_that_are_there_for_them() {
             let mut scene = floor();
             scene.cameras[0] = camera(Vec3::new(-2.0, 1.5, 0.0), Vec3::ZERO, 0.001);
             scene.materials[0] = surface.clone().into();
-            add_quad(&mut scene, Vec3::new(0.5, 1.0, -1.0), Vec3::X * 2.0, Vec3::Z * 2.0, Material::lamp(Vec3::ONE));
+            add_quad(&mut scene, Vec3::new(0.5, 1.0, -1.0), Vec3::X * 2.0, Vec3::Z * 2.0, Material::emitter(Vec3::ONE));
             scene.instances.last_mut().expect("an instance").visibility = lamps_alone;
             let settings = PathSettings { max_depth: 1, direct_light: strategy, ..PathSettings::default() };
             color(&paint(&prepare(scene), (1, 1), 16384, settings), 0, 0).x
@@ -111,7 +111,7 @@ fn a_mirror_does_not_show_objects_hidden_from_glossy_rays() {
         let mut scene = floor();
         scene.cameras[0] = camera(Vec3::new(-2.0, 2.0, 0.0), Vec3::ZERO, 0.001);
         scene.materials[0] = Surface::Conductor(mirror.clone()).into();
-        add_sphere(&mut scene, Vec3::new(2.0, 2.0, 0.0), 0.5, Material::lamp(Vec3::splat(2.0)));
+        add_sphere(&mut scene, Vec3::new(2.0, 2.0, 0.0), 0.5, Material::emitter(Vec3::splat(2.0)));
         scene.spheres[0].visibility = visibility;
         color(&paint(&prepare(scene), (1, 1), 16, PathSettings::default()), 0, 0).x
     };

@@ -74,8 +74,8 @@ impl SceneEditor {
         let light = light.into();
         let checked = match &light.kind {
             EditedLightKind::Plain(kind) => self.base.check_light(kind).map_err(|problem| problem.0),
-            EditedLightKind::Sphere(lamp) => lamp.material().map(drop).map_err(Cow::from),
-            EditedLightKind::Area(lamp) => lamp.material().map(drop).map_err(Cow::from),
+            EditedLightKind::Sphere(light) => light.material().map(drop).map_err(Cow::from),
+            EditedLightKind::Area(light) => light.material().map(drop).map_err(Cow::from),
         };
         checked.map_err(|problem| EditError::value(EntryKind::Light, key, &problem))?;
         check_transform_keys(&light.motion).map_err(|problem| EditError::value(EntryKind::Light, key, &problem))?;

@@ -36,7 +36,7 @@ use crate::material::Material;
 use crate::medium::MediumId;
 use crate::model::{Mesh, Scene, Sphere};
 use crate::motion::{Shutter, SphereKey, TransformKey};
-use crate::shaped_light::{AreaLamp, SphereLamp};
+use crate::shaped_light::{AreaLight, SphereLight};
 use crate::texture::ImageId;
 use crate::validate::check_sphere;
 use crate::visibility::Visibility;
@@ -92,9 +92,9 @@ pub struct EditedLight {
 #[serde(rename_all = "snake_case")]
 pub enum EditedLightKind {
     /// A sphere: a point or spot light with a radius.
-    Sphere(SphereLamp),
+    Sphere(SphereLight),
     /// A rectangle or ellipse.
-    Area(AreaLamp),
+    Area(AreaLight),
     /// A light without extent, or at infinity.
     #[serde(untagged)]
     Plain(LightKind),

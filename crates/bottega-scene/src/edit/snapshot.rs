@@ -95,8 +95,8 @@ impl<'a> SceneFiller<'a> {
                 });
                 return;
             }
-            EditedLightKind::Sphere(lamp) => ShapedLight::Sphere(lamp),
-            EditedLightKind::Area(lamp) => ShapedLight::Area(lamp),
+            EditedLightKind::Sphere(light) => ShapedLight::Sphere(light),
+            EditedLightKind::Area(light) => ShapedLight::Area(light),
         };
         let counts = (self.scene.spheres.len(), self.scene.instances.len());
         self.scene.push_shaped_light(key, &shape, light.visibility);

@@ -59,7 +59,7 @@ impl Emitters {
         let object = context.visit(id)?;
         let has_extent = !matches!(object.plugin.as_str(), "point" | "spot" | "directional" | "projector");
         if !has_extent && object.float("sampling_weight")? == Some(0.0) {
-            context.note(object.at, "a lamp without extent whose `sampling_weight` is 0 emits no light");
+            context.note(object.at, "a light without extent whose `sampling_weight` is 0 emits no light");
             object.accept_all();
             return Ok(());
         }

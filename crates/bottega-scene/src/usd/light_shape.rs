@@ -130,7 +130,7 @@ fn place_surface(
         emission: ColorParam { factor: radiance, texture },
         emission_profile,
         name: name_of(path),
-        ..Material::lamp(radiance)
+        ..Material::emitter(radiance)
     });
     let visibility = Visibility::ALL.without(Visibility::SHADOW).without(Visibility::CAMERA);
     if let (LightShape::Sphere { radius }, Some(scale)) = (shape, even) {

@@ -185,7 +185,7 @@ mod tests {
     fn meshes_of_area_lights_are_made_again_without_another_structure() {
         assert_eq!(likeness(&scene(1.0), &scene(1.0)), Likeness::AllButCameras, "equal meshes, not shared");
         assert_eq!(likeness(&scene(1.0), &scene(2.0)), Likeness::MovedShapes);
-        let brighter = Scene { materials: vec![Material::lamp(Vec3::ONE)], ..scene(1.0) };
+        let brighter = Scene { materials: vec![Material::emitter(Vec3::ONE)], ..scene(1.0) };
         assert_eq!(likeness(&scene(1.0), &brighter), Likeness::Shapes);
     }
 

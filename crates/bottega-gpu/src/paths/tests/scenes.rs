@@ -20,7 +20,7 @@ fn wall(scene: &mut Scene, corner: Vec3, x: Vec3, y: Vec3, material: Material) {
     scene.push_surface(Mesh { material, ..Mesh::quad(corner, x, y) });
 }
 
-/// A room of coloured walls, open to the camera, with a lamp in its ceiling and two spheres, one of which emits light.
+/// A room of coloured walls, open to the camera, with a light in its ceiling and two spheres, one of which emits light.
 pub(super) fn cornell() -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.0, 4.2), Vec3::ZERO)], ..Scene::default() };
     let (x, y, z) = (2.0 * Vec3::X, 2.0 * Vec3::Y, 2.0 * Vec3::Z);
@@ -36,7 +36,7 @@ pub(super) fn cornell() -> Scene {
         Vec3::new(-0.35, 0.99, -0.35),
         0.7 * Vec3::X,
         0.7 * Vec3::Z,
-        Material::lamp(Vec3::new(12.0, 10.0, 8.0)),
+        Material::emitter(Vec3::new(12.0, 10.0, 8.0)),
     );
     let ball = scene.push_material(white());
     scene.push_sphere(Vec3::new(-0.35, -0.6, -0.2), 0.4, ball);
@@ -119,7 +119,7 @@ fn floor(scene: &mut Scene, material: Material) {
 
 fn lamp(scene: &mut Scene) {
     let radiance = Vec3::new(12.0, 11.0, 9.0);
-    wall(scene, Vec3::new(-1.0, 3.0, -1.0), 2.0 * Vec3::X, 2.0 * Vec3::Z, Material::lamp(radiance));
+    wall(scene, Vec3::new(-1.0, 3.0, -1.0), 2.0 * Vec3::X, 2.0 * Vec3::Z, Material::emitter(radiance));
 }
 
 /// Instances of a mesh, one of them stretched and one mirrored, below an image of the sky, through a lens.
@@ -144,7 +144,7 @@ pub(super) fn placed() -> Scene {
     scene
 }
 
-/// Lamps that project images, and lamps textured by them, below an equal-area sky.
+/// Lights that project images, and lights textured by them, below an equal-area sky.
 pub(super) fn pictures() -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 2.0, 5.0), Vec3::ZERO)], ..Scene::default() };
     scene.cameras[0].projection = Projection::Orthographic { height: 5.0 };
@@ -184,7 +184,7 @@ pub(super) fn pictures() -> Scene {
     scene
 }
 
-/// Surfaces with holes, half-transparent ones, and an invisible one, before lamps that have them, too.
+/// Surfaces with holes, half-transparent ones, and an invisible one, before lights that have them, too.
 pub(super) fn cut_outs() -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.5, 5.0), Vec3::ZERO)], ..Scene::default() };
     floor(&mut scene, Material::matte(Vec3::splat(0.6)));
@@ -288,7 +288,7 @@ pub(super) fn reliefs() -> Scene {
     scene
 }
 
-/// Lamps of all shapes, so many that the tree has several levels.
+/// Lights of all shapes, so many that the tree has several levels.
 pub(super) fn many_lights() -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 2.0, 6.0), Vec3::ZERO)], ..Scene::default() };
     floor(&mut scene, Material::matte(Vec3::splat(0.7)));
@@ -303,7 +303,7 @@ pub(super) fn many_lights() -> Scene {
         let x = Vec3::new(next() - 0.5, next() - 0.5, next() - 0.5) * 0.4;
         let y = x.cross(Vec3::new(next(), next(), 1.0));
         match i % 4 {
-            0 => wall(&mut scene, place, x, y, Material::lamp(radiance)),
+            0 => wall(&mut scene, place, x, y, Material::emitter(radiance)),
             1 => {
                 let material =
                     scene.push_material(Material { emission: radiance.into(), ..Material::matte(Vec3::ZERO) });

@@ -64,7 +64,7 @@ fn panel(corner: Vec3, x: Vec3, y: Vec3, opposite: Vec3) -> Mesh {
 
 fn shining(mesh: Mesh, sides: Sides, textured: bool) -> Scene {
     let mut scene = dust();
-    let mut material = Material { emission_sides: sides, ..Material::lamp(Vec3::new(3.0, 2.0, 1.0)) };
+    let mut material = Material { emission_sides: sides, ..Material::emitter(Vec3::new(3.0, 2.0, 1.0)) };
     if textured {
         material.emission.texture = Some(TextureMap::new(ImageId(0)));
     }

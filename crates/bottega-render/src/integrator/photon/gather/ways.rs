@@ -23,7 +23,7 @@ impl GatherPath<'_> {
     /// Traces the stronger path to its end, and continues along the weaker one with its own random numbers. Returns
     /// `false` when the path ends.
     ///
-    /// Drawn at random, a lamp that a glass ball reflects by a twentieth is a speck in one sample of twenty.
+    /// Drawn at random, a light that a glass ball reflects by a twentieth is a speck in one sample of twenty.
     pub(super) fn go_both_ways(
         &mut self,
         state: &mut GatherState,
