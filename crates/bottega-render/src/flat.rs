@@ -72,13 +72,13 @@ pub enum NotFlat {
     #[error("curves that face each ray")]
     Curves,
     /// Lights that no ray can hit.
-    #[error("lamps that are not there")]
+    #[error("lights that no ray can hit")]
     InvisibleLights,
     /// Surfaces or lights that are not there for some kinds of ray.
     #[error("visibility by kind of ray")]
     Visibility,
     /// Lights that do not emit in all directions.
-    #[error("lamps that shine into a cone")]
+    #[error("lights that shine into a cone")]
     EmissionProfiles,
     /// Sums of surfaces.
     #[error("sums of surfaces")]
