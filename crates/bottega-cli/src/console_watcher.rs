@@ -10,7 +10,7 @@ use std::{
 
 use bottega::{
     Watcher,
-    events::{AuctionEvent, CableTraffic, Event, ForecastEvent, LightingAgents, Progress},
+    events::{AuctionEvent, CableTraffic, Event, ForecastEvent, LightingAgents, Progress, ResourceUse},
     text::duration,
 };
 use bottega_agents::Time;
@@ -374,14 +374,22 @@ fn forecast_line(forecast: &ForecastEvent) -> String {
 
 /// Summarizes the utilization of resources in one line.
 fn at_work(event: &Event) -> String {
-    let Event::Resources { resources, bin_full, bin_empty, expired, .. } = event else { return String::new() };
+    let Event::Resources { resources, bin_waiting, bin_capacity, bin_full, bin_empty, expired, .. } = event else {
+        return String::new();
+    };
     let (processors, devices): (Vec<_>, Vec<_>) =
         resources.iter().partition(|resource| resource.name.starts_with("cpu"));
     let mean = processors.iter().map(|resource| resource.occupation).sum::<f64>() / processors.len().max(1) as f64;
     let least = processors.iter().map(|resource| resource.occupation).fold(1.0, f64::min);
     let mut parts = Vec::new();
     if !processors.is_empty() {
-        parts.push(format!("processors {:.1} % at work (the least {:.1} %)", 100.0 * mean, 100.0 * least));
+        let packets: u64 = processors.iter().map(|resource| resource.packets).sum();
+        let units: u64 = processors.iter().map(|resource| resource.units).sum();
+        parts.push(format!(
+            "processors {:.1} % at work (the least {:.1} %), {units} units in {packets} packets",
+            100.0 * mean,
+            100.0 * least,
+        ));
     }
     parts.extend(devices.into_iter().map(|device| {
         let memory = match (device.sent_bytes, device.resident_bytes) {
@@ -391,14 +399,26 @@ fn at_work(event: &Event) -> String {
             _ => String::new(),
         };
         let cable = device.cable.as_ref().map_or_else(String::new, cable_text);
-        format!("{} {:.1} %{memory}{cable}", device.name, 100.0 * device.occupation)
+        let tuning = tuning_text(device);
+        format!("{} {:.1} %{tuning}{memory}{cable}", device.name, 100.0 * device.occupation)
     }));
     let expired = if *expired > 0 { format!("; {expired} units past their life time") } else { String::new() };
     format!(
-        "{}; work bin full {:.0} %, empty {:.0} % of the time{expired}",
+        "{}; work bin of {bin_capacity} units: {bin_waiting:.1} wait on average, full {:.0} %, empty {:.0} % of the \
+         time{expired}",
         parts.join("; "),
         100.0 * bin_full,
         100.0 * bin_empty
+    )
+}
+
+/// Summarizes the packets of a device: what tuning chose.
+fn tuning_text(device: &ResourceUse) -> String {
+    let ResourceUse { units, packets, packet_largest, window, round_trip, .. } = device;
+    let round_trip = round_trip.map_or_else(String::new, |seconds| format!(", answered in {:.1} ms", 1e3 * seconds));
+    format!(
+        ", {packets} packets of {:.1} units (at most {packet_largest}), {window} at a time{round_trip}",
+        *units as f64 / (*packets).max(1) as f64
     )
 }
 

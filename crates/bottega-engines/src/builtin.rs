@@ -62,7 +62,7 @@ impl BuiltinEngine {
         options: BuiltinOptions,
         devices: Devices,
     ) -> Self {
-        let resources = Arc::new(Resources::new(options.threads, devices));
+        let resources = Arc::new(Resources::new(options.threads, devices, None));
         Self::on(scene, prepass, options, resources)
     }
 

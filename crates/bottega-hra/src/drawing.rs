@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::{Activity, HraReport, ResourceReport, Time};
+use crate::{Activity, HraReport, PacketUse, ResourceReport, Time};
 
 const WIDTH: f64 = 1000.0;
 const LEFT: f64 = 180.0;
@@ -101,7 +101,26 @@ fn draw_row(svg: &mut String, resource: &ResourceReport, y: f64, scale: &TimeSca
         );
     }
     let percent = 100.0 * busy / scale.to.since(scale.from).as_nanos().max(1) as f64;
-    let _ = writeln!(svg, "<text x=\"{:.1}\" y=\"{text:.1}\">{percent:.1} %</text>", WIDTH - RIGHT + 8.0);
+    let _ = writeln!(
+        svg,
+        "<text x=\"{:.1}\" y=\"{text:.1}\">{percent:.1} %<title>{}</title></text>",
+        WIDTH - RIGHT + 8.0,
+        escaped(&tuning(&resource.packets), 200)
+    );
+    let _ = writeln!(
+        svg,
+        "<text x=\"8\" y=\"{:.1}\" font-size=\"8\" fill=\"#666666\">{}</text>",
+        text + 9.0,
+        escaped(&tuning(&resource.packets), 44)
+    );
+}
+
+/// Returns what tuning chose for a resource as readable text: the sizes of packets, and the window of a far one.
+fn tuning(packets: &PacketUse) -> String {
+    let window = packets.round_trip.map_or_else(String::new, |time| {
+        format!(", {} in flight, {:.1} ms", packets.window, 1e3 * time.as_secs_f64())
+    });
+    format!("{} packets, {:.1} units each{window}", packets.packets, packets.mean_units())
 }
 
 /// Draws the waiting units as an area, and the bin's capacity as a line above it.
@@ -124,12 +143,15 @@ fn draw_bin(svg: &mut String, report: &HraReport, top: f64, scale: &TimeScale) {
         svg,
         "<text x=\"8\" y=\"{:.1}\">units that wait</text>\n<polygon points=\"{area} {end:.1},{bottom:.1}\" \
          fill=\"#4a7fb5\"/>\n<polyline points=\"{}\" fill=\"none\" stroke=\"#999999\"/>\n<text x=\"{:.1}\" \
-         y=\"{:.1}\">at most {most:.0}</text>\n<text x=\"{:.1}\" y=\"{bottom:.1}\">full {full:.0} %</text>",
+         y=\"{:.1}\">at most {most:.0}</text>\n<text x=\"{:.1}\" y=\"{bottom:.1}\">full {full:.0} %</text>\n<text x=\"8\" \
+         y=\"{:.1}\" font-size=\"8\" fill=\"#666666\">room for {} at the end</text>",
         top + BIN / 2.0,
         line.trim_start(),
         WIDTH - RIGHT + 8.0,
         top + 14.0,
         WIDTH - RIGHT + 8.0,
+        top + BIN / 2.0 + 11.0,
+        report.bin_capacity,
     );
 }
 

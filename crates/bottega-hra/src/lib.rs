@@ -89,5 +89,5 @@ pub use resource_id::ResourceId;
 pub use threads::far::{Packet, Reply, WindowedResource};
 pub use threads::simulated::{Simulated, SimulatedModel};
 pub use timeline::timeline_json;
-pub use transfer::{CableUse, Transfer};
+pub use transfer::{CableUse, PacketUse, Transfer};
 pub use work::{Closed, Completed, Failed, SubmitError, TrySubmit, UnitError, Work, WorkUnit};

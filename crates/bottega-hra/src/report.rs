@@ -6,7 +6,7 @@ use crate::policy::bin_log::BinReport;
 use crate::policy::core::Core;
 use crate::policy::time::Time;
 use crate::{
-    Activity, CableUse, CostBook, CostModel, Expiries, Incident, Primitive, ResourceDescriptor, ResourceId, Span,
+    Activity, CableUse, CostBook, CostModel, Expiries, Incident, PacketUse, Primitive, ResourceDescriptor, ResourceId, Span,
 };
 
 /// The report of an allocator: its state at one moment, and its work so far.
@@ -49,6 +49,8 @@ pub struct ResourceReport {
     pub suspended: Duration,
     /// Size of the data that the resource holds, in bytes.
     pub resident_bytes: u64,
+    /// The packets that the resource got.
+    pub packets: PacketUse,
     /// The traffic on the resource's cable, if it has one.
     pub cable: Option<CableUse>,
     /// Learned costs of the primitives that it has done.
@@ -72,6 +74,7 @@ impl ResourceReport {
             busy: self.busy.saturating_sub(before.busy),
             idle: self.idle.saturating_sub(before.idle),
             suspended: self.suspended.saturating_sub(before.suspended),
+            packets: self.packets.since(&before.packets),
             cable: self.cable.map(|cable| cable.since(&before.cable.unwrap_or_default())),
             spans: spans.map(moved).collect(),
             ..self.clone()
@@ -138,6 +141,7 @@ impl HraReport {
                 idle: spent(Activity::Idle),
                 suspended: spent(Activity::Suspended),
                 resident_bytes: lane.residency.used(),
+                packets: lane.packets(),
                 cable: lane.flow.as_ref().map(|_| lane.cable.report()),
                 costs: costs.filter(|(_, cost)| cost.units() > 0).collect(),
                 spans: lane.account.spans(now),

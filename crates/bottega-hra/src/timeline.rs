@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::{Activity, CableUse, HraReport, ResourceReport, Time};
+use crate::{Activity, CableUse, HraReport, PacketUse, ResourceReport, Time};
 
 #[derive(Serialize)]
 struct Timeline<'a> {
@@ -35,6 +35,19 @@ struct CableLine {
     packet_seconds: Option<f64>,
 }
 
+/// The packets of a resource, as tuned.
+#[derive(Serialize)]
+struct PacketLine {
+    packets: u64,
+    /// Mean and largest number of units of a packet.
+    units: f64,
+    largest: usize,
+    /// Largest number of packets in flight at once.
+    window: usize,
+    /// Seconds; absent for a near resource.
+    round_trip: Option<f64>,
+}
+
 #[derive(Serialize)]
 struct ResourceLine<'a> {
     name: &'a str,
@@ -47,6 +60,7 @@ struct ResourceLine<'a> {
     failures: u64,
     resident_bytes: u64,
     memory_bytes: Option<u64>,
+    packets: PacketLine,
     cable: Option<CableLine>,
     /// Start, end, activity.
     spans: Vec<(f64, f64, &'static str)>,
@@ -59,6 +73,8 @@ struct BinLine {
     empty: f64,
     /// Start, end, mean number of waiting units, capacity.
     steps: Vec<(f64, f64, f64, usize)>,
+    /// Capacity at the end.
+    capacity: usize,
 }
 
 #[derive(Serialize)]
@@ -99,6 +115,7 @@ pub fn timeline_json(report: &HraReport) -> String {
             steps: (report.bin.steps.iter())
                 .map(|step| (seconds(step.from), seconds(step.to), step.waiting, step.capacity))
                 .collect(),
+            capacity: report.bin_capacity,
         },
         incidents: (report.incidents.iter())
             .map(|incident| IncidentLine {
@@ -133,8 +150,19 @@ fn line_of(resource: &ResourceReport) -> ResourceLine<'_> {
         failures: resource.failures,
         resident_bytes: resource.resident_bytes,
         memory_bytes: resource.descriptor.memory_bytes,
+        packets: packets_of(&resource.packets),
         cable: resource.cable.as_ref().map(cable_of),
         spans: spans.map(|span| (seconds(span.from), seconds(span.to), word(span.activity))).collect(),
+    }
+}
+
+fn packets_of(packets: &PacketUse) -> PacketLine {
+    PacketLine {
+        packets: packets.packets,
+        units: packets.mean_units(),
+        largest: packets.largest,
+        window: packets.window,
+        round_trip: packets.round_trip.map(|time| time.as_secs_f64()),
     }
 }
 

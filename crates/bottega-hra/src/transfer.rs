@@ -1,4 +1,4 @@
-//! Traffic on the cable of a far resource: of one packet, as its driver measured it, and in total.
+//! Packets and traffic of resources: the packets that each got, and the bytes on the cable of a far one.
 
 use std::time::Duration;
 
@@ -11,6 +11,47 @@ pub struct Transfer {
     pub timed_bytes: u64,
     /// The time that these took.
     pub time: Duration,
+}
+
+/// The packets that a resource got: their number and sizes, as the allocator tuned them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PacketUse {
+    /// Number of packets sent.
+    pub packets: u64,
+    /// Number of units in them.
+    pub units: u64,
+    /// Number of units in the largest one since the allocator was made.
+    pub largest: usize,
+    /// Largest number of packets in flight at once since the allocator was made: the window. 1 for a near resource.
+    pub window: usize,
+    /// Round trip of a packet that does not wait, as last measured; `None`: not measured, or the resource is near.
+    pub round_trip: Option<Duration>,
+}
+
+impl PacketUse {
+    /// Returns the mean number of units per packet; 0 without packets.
+    pub fn mean_units(&self) -> f64 {
+        self.units as f64 / self.packets.max(1) as f64
+    }
+
+    /// Counts a packet.
+    ///
+    /// - `in_flight`: number of packets in flight, with this one.
+    pub(crate) fn sent(&mut self, units: usize, in_flight: usize) {
+        self.packets += 1;
+        self.units += units as u64;
+        self.largest = self.largest.max(units);
+        self.window = self.window.max(in_flight);
+    }
+
+    /// Returns the packets since an earlier moment.
+    pub(crate) fn since(&self, before: &Self) -> Self {
+        Self {
+            packets: self.packets.saturating_sub(before.packets),
+            units: self.units.saturating_sub(before.units),
+            ..*self
+        }
+    }
 }
 
 /// The traffic on the cable of a far resource.

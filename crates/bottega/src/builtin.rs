@@ -36,8 +36,12 @@ impl BuiltinPainter {
     pub(crate) fn open(mut plan: Plan, subject: LoadedScene) -> Result<Self, Error> {
         // Gather the devices that support the scene
         let Plan { job, paths, .. } = &plan;
-        let wanted =
-            PainterWish { threads: job.processors, memory: plan.gpu_memory, joins: plan.urgency == Urgency::Look };
+        let wanted = PainterWish {
+            threads: job.processors,
+            memory: plan.gpu_memory,
+            bin: plan.bin,
+            joins: plan.urgency == Urgency::Look,
+        };
         let has_photons = paths.photons.is_some();
         let camera = subject.camera();
         let mut devices =

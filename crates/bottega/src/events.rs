@@ -162,6 +162,9 @@ pub enum Event {
         seconds: f64,
         /// Mean number of units waiting in the work bin.
         bin_waiting: f64,
+        /// Number of units for which the work bin has room at the end.
+        #[serde(default)]
+        bin_capacity: u64,
         /// Share of the time during which the work bin was full, 0 to 1.
         bin_full: f64,
         /// Share of the time during which the work bin was empty, 0 to 1.
@@ -226,6 +229,18 @@ pub struct ResourceUse {
     pub units: u64,
     /// Number of attempts that failed.
     pub failures: u64,
+    /// Number of packets in which it got these units.
+    #[serde(default)]
+    pub packets: u64,
+    /// Number of units of the largest packet since the device was opened.
+    #[serde(default)]
+    pub packet_largest: u64,
+    /// Largest number of packets in flight at once since the device was opened; 1 for a processor.
+    #[serde(default)]
+    pub window: u64,
+    /// Seconds between sending a packet that does not wait and its answer; missing for a processor.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub round_trip: Option<f64>,
     /// Total device memory in bytes; missing if the device does not report it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub memory_bytes: Option<u64>,

@@ -82,6 +82,30 @@ fn where_rays_cannot_be_left_to_others_that_is_said() {
 }
 
 #[test]
+fn a_small_work_bin_is_full_and_changes_no_bit() {
+    let _processors = processors();
+    let usual = request("cornell-box.glb", 64, 8);
+    let mut small = usual.clone();
+    small.devices.bin = Some(1);
+    let [(plain, notes), (other, small_notes)] =
+        [usual, small].map(|request| paint(&request, SessionOptions::default()));
+    assert!(bits(&plain) == bits(&other), "{:?}", small_notes.warnings());
+    let bin = |notes: &Notes| {
+        let events = notes.0.lock().unwrap();
+        let found = events.iter().find_map(|event| match event {
+            Event::Resources { resources, bin_capacity, bin_full, .. } => {
+                assert!(resources.iter().all(|it| it.units == 0 || (it.packets > 0 && it.packet_largest > 0)));
+                Some((*bin_capacity, *bin_full))
+            }
+            _ => None,
+        });
+        found.expect("the work of processors")
+    };
+    let ((room, _), (small_room, full)) = (bin(&notes), bin(&small_notes));
+    assert!(room >= 64 && small_room == 1 && full > 0.0, "{room} {small_room} {full}");
+}
+
+#[test]
 fn utilization_is_reported_and_drawn() {
     let _processors = processors();
     let folder = tempfile::tempdir().unwrap();

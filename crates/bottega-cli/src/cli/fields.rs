@@ -136,6 +136,7 @@ pub(crate) const SET_FIELDS: &[(&str, &str)] = &[
     ("auction", "work.auction=stealing"),
     ("adaptation", "work.adaptation=paper"),
     ("gpu-memory", "devices.memory_mb=4096"),
+    ("bin", "devices.bin=16"),
     ("vram", "devices.memory_mb=4096"),
     ("encoding", "output.encoding=linear"),
     ("tiled", "output.tiled=true"),

@@ -1,5 +1,7 @@
 //! The processors and devices that render, behind one allocator.
 
+use std::num::NonZeroU32;
+
 use bottega_hra::{CostBook, Hra, HraConfig, HraReport, Lane, Primitive, PrimitiveSet, VirtualCpu};
 use bottega_render::RenderWork;
 
@@ -26,13 +28,18 @@ impl Resources {
     /// Creates the allocator.
     ///
     /// - `threads`: the number of CPU threads; 0: only the devices render.
-    pub fn new(threads: usize, devices: Devices) -> Self {
+    /// - `bin`: the most units that wait; `None`: as many as resources do in a fraction of a second.
+    pub fn new(threads: usize, devices: Devices, bin: Option<NonZeroU32>) -> Self {
         let Devices { lanes, costs } = devices;
         let devices = lanes.len();
         let processors = VirtualCpu::lanes(threads, RenderWork::perform).into_iter().map(Lane::from);
         let lanes = processors.chain(lanes).chain(looker(threads)).collect();
         let costs = costs.unwrap_or_else(|| CostBook::new(""));
-        let config = HraConfig { spans_kept: SPANS_KEPT, ..HraConfig::default() };
+        let usual = HraConfig { spans_kept: SPANS_KEPT, ..HraConfig::default() };
+        let config = match bin {
+            None => usual,
+            Some(units) => HraConfig { bin_capacity: units.get() as usize, bin_min: 1, ..usual },
+        };
         Self { hra: Hra::with_costs(config, lanes, &costs), devices }
     }
 

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::time::Time;
 use super::timeline::{Span, Spans};
-use crate::Activity;
+use crate::{Activity, PacketUse};
 
 /// Time by activity, with the last spans.
 pub(crate) struct Account {
@@ -12,6 +12,7 @@ pub(crate) struct Account {
     since: Time,
     pub(crate) units: u64,
     pub(crate) failures: u64,
+    pub(crate) packets: PacketUse,
     spent: [Duration; 4],
     spans: Spans,
 }
@@ -20,7 +21,15 @@ impl Account {
     /// Makes the account of a resource that is idle from `now` on; keeps at most this number of spans.
     pub(crate) fn new(now: Time, spans_kept: usize) -> Self {
         let spans = Spans::new(spans_kept);
-        Self { activity: Activity::Idle, since: now, units: 0, failures: 0, spent: [Duration::ZERO; 4], spans }
+        Self {
+            activity: Activity::Idle,
+            since: now,
+            units: 0,
+            failures: 0,
+            packets: PacketUse::default(),
+            spent: [Duration::ZERO; 4],
+            spans,
+        }
     }
 
     pub(crate) fn activity(&self) -> Activity {

@@ -12,7 +12,7 @@ use super::flow::Flow;
 use super::residency::Residency;
 use super::time::Time;
 use super::unit::{Data, UnitNeeds};
-use crate::{DataId, HraConfig, Primitive, ResourceDescriptor};
+use crate::{DataId, HraConfig, PacketUse, Primitive, ResourceDescriptor};
 
 /// Maximum amount of work given to a near resource at once, in nanoseconds: several units together, so that it asks
 /// less often.
@@ -206,6 +206,13 @@ impl LaneState {
         done.max(now)
     }
 
+    /// Returns the packets so far, with the round trip of the window.
+    pub(crate) fn packets(&self) -> PacketUse {
+        let floor = self.flow.as_ref().and_then(Flow::floor);
+        let round_trip = floor.map(|floor| Duration::from_nanos(floor.round_trip_ns as u64));
+        PacketUse { round_trip, ..self.account.packets }
+    }
+
     /// Returns the nanoseconds to send data that is not resident; 0 for data that is.
     pub(crate) fn moving_ns(&self, data: Option<Data>) -> f64 {
         let missing = data.filter(|data| !self.residency.is_resident(data.id));
@@ -314,6 +321,7 @@ impl LaneState {
         let sequence = self.next_sequence;
         self.next_sequence += 1;
         self.flights.insert(sequence, flight);
+        self.account.packets.sent(units, self.flights.len());
         sequence
     }
 

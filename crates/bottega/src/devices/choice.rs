@@ -1,6 +1,6 @@
 //! The choice of devices on this machine, from the devices that a request names.
 
-use std::sync::Arc;
+use std::{num::NonZeroU32, sync::Arc};
 
 use bottega_engines::Resources;
 use bottega_image::{Aov, Layout};
@@ -25,6 +25,8 @@ pub struct PainterWish {
     pub threads: usize,
     /// Memory limit for scenes on each GPU, in bytes; `None`: nearly all free memory.
     pub memory: Option<u64>,
+    /// Largest number of work units that wait for a processor or device; `None`: chosen by their speed.
+    pub bin: Option<NonZeroU32>,
     /// True if devices that already render another picture in this process are shared, even with another number of CPU threads.
     /// The more urgent picture then goes first.
     pub joins: bool,
@@ -59,12 +61,13 @@ impl DeviceSet {
     /// in its place.
     pub fn gather(
         choice: &DeviceChoice,
-        &PainterWish { threads, memory, joins }: &PainterWish,
+        wish: &PainterWish,
         scene: &Arc<PreparedScene>,
         camera: &Camera,
         layout: &Layout,
         photons: bool,
     ) -> Result<Self, Error> {
+        let &PainterWish { threads, memory, joins, .. } = wish;
         // Choose the devices that support the picture
         let lacks = lacks(camera, layout, photons);
         let mut wanted = WantedDevices { threads, gpus: Vec::new(), boards: Vec::new(), notes: Vec::new() };
@@ -99,7 +102,7 @@ impl DeviceSet {
         if !boards.is_empty() {
             board::count_bytes(scene);
         }
-        let key = |gpus: &[ChosenGpu], boards: &[String]| ResourceKey::new(threads, gpus, boards, memory);
+        let key = |gpus: &[ChosenGpu], boards: &[String]| ResourceKey::new(threads, gpus, boards, wish);
         let opened = kept::resources(key(&gpus, &boards), joins, &gpus);
         let (opened, gpus) = match opened {
             Ok(opened) => (opened, names),

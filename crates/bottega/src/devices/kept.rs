@@ -1,13 +1,17 @@
 //! Devices that stay open between pictures: for the second picture of a process the devices are open, the kernels compiled, and
 //! unchanged parts of the scene in device memory.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::{
+    num::NonZeroU32,
+    sync::{Arc, Mutex, PoisonError},
+};
 
 use bottega_engines::{Devices, Resources};
 
 use super::{
     board,
     board_worth::{ConnectedBoard, are_worth_waves},
+    choice::PainterWish,
     costs,
     gpu::{ChosenGpu, GpuScenes},
 };
@@ -25,16 +29,17 @@ pub(super) struct ResourceKey {
     gpus: Vec<String>,
     boards: Vec<String>,
     memory: Option<u64>,
+    bin: Option<NonZeroU32>,
 }
 
 impl ResourceKey {
     /// Makes the key of a set of resources.
     ///
     /// - `boards`: addresses of the boards that trace rays.
-    /// - `memory`: memory limit for scenes on each GPU, in bytes.
-    pub(super) fn new(threads: usize, gpus: &[ChosenGpu], boards: &[String], memory: Option<u64>) -> Self {
+    /// - `wish`: memory limit of the GPUs and length of the work bin.
+    pub(super) fn new(threads: usize, gpus: &[ChosenGpu], boards: &[String], wish: &PainterWish) -> Self {
         let gpus = gpus.iter().map(|gpu| gpu.name().to_owned()).collect();
-        Self { threads, gpus, boards: boards.to_vec(), memory }
+        Self { threads, gpus, boards: boards.to_vec(), memory: wish.memory, bin: wish.bin }
     }
 
     /// Returns the number of CPU threads; 0: CPUs do not render.
@@ -113,7 +118,7 @@ fn open(key: ResourceKey, gpus: &[ChosenGpu]) -> Result<KeptResources, Error> {
         boards.push(board);
     }
     let costs = if gpus.is_empty() { None } else { costs::read() };
-    let resources = Arc::new(Resources::new(key.threads, Devices { lanes, costs }));
+    let resources = Arc::new(Resources::new(key.threads, Devices { lanes, costs }, key.bin));
     Ok(KeptResources { key, resources, boards, scenes })
 }
 

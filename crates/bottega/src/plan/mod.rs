@@ -7,7 +7,7 @@ mod agent_rules;
 mod job;
 mod part;
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, num::NonZeroU32};
 
 use bottega_engines::Urgency;
 use bottega_farm::{Goal, JobSettings};
@@ -45,6 +45,8 @@ pub struct Plan {
     pub devices: DeviceChoice,
     /// The most memory of a GPU that may be used, in bytes; `None`: no limit.
     pub gpu_memory: Option<u64>,
+    /// Largest number of work units that wait for a processor or device; `None`: chosen by their speed.
+    pub bin: Option<NonZeroU32>,
     /// The urgency of the picture among all pictures that this process renders.
     pub urgency: Urgency,
     /// Warnings about the rules and the groups of lights.
@@ -100,6 +102,7 @@ impl Plan {
             job,
             devices,
             gpu_memory: request.devices.memory_mb.map(|mib| u64::from(mib) << 20),
+            bin: request.devices.bin.and_then(NonZeroU32::new),
             urgency: part.urgency(request),
             notes: rules.notes,
             light_groups: request.film.light_groups.clone(),

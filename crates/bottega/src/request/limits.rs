@@ -24,6 +24,8 @@ pub const FINAL_RAYS_MAX: u32 = 1024;
 pub const LIGHTING_AGENTS_MAX: u32 = 10_000_000;
 /// Largest memory limit of lighting agents, in MiB.
 pub const ORACLE_MEMORY_MAX: u64 = 1 << 20;
+/// Largest number of work units that may wait in the work bin.
+pub const BIN_MAX: u32 = 1 << 20;
 /// Largest number of Render Agents, and of CPU threads.
 pub const AGENTS_MAX: u16 = 1024;
 /// The most zones that an agent works on at once.

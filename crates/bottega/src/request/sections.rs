@@ -407,6 +407,8 @@ sections! {
         exact: bool = false,
         /// Memory limit for scenes on each GPU, in MiB; none: nearly all free memory.
         memory_mb: Option<u32> = None,
+        /// Largest number of work units that wait for a processor or device; none: as many as are done in a twentieth of a second.
+        bin: Option<u32> = None,
     }
 
     /// The output file.

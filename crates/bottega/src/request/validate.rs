@@ -457,6 +457,7 @@ impl DeviceOptions {
     fn validate(&self) -> Checked {
         maybe_within("devices.threads", self.threads, 1..=AGENTS_MAX)?;
         maybe_within("devices.memory_mb", self.memory_mb, 1..=u32::MAX)?;
+        maybe_within("devices.bin", self.bin, 1..=BIN_MAX)?;
         let names = || format!("`{}`", self.names.join(","));
         let choice = DeviceChoice::of(&self.names)
             .map_err(|allowed| InvalidField::new("devices.names", names(), allowed.to_string()))?;
