@@ -8,15 +8,20 @@ use bottega::{
 };
 use bottega_cluster::{Job, JobBoard, blackboard::RowUpdate, jobs::known};
 use bottega_image::printable;
-use clap::Args;
+use clap::{Args, ValueHint};
+use hyper::Uri;
 
+use super::page_rows::{PageNews, PageStream};
 use crate::{error::CliError, farm_args::FarmArgs, signals};
 
 /// See the Blackboard of a job: each zone with its size, complexity, estimated and measured time and agent; the agents with
 /// their speed and credit.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "For example:\n  bottega blackboard\n  bottega blackboard 3 --json\n  bottega blackboard 3 --watch"
+    after_help = "For example:\n  bottega blackboard\n  bottega blackboard 3 --json\n  bottega blackboard 3 --watch\n\n\
+                  Without a farm, of the picture that this machine renders:\n  \
+                  bottega render scene.glb -o picture.exr --dashboard 127.0.0.1:8080\n  \
+                  bottega blackboard --watch --page 'http://127.0.0.1:8080/?token=...'"
 )]
 pub(crate) struct BlackboardArgs {
     /// The job; default: the newest active one, or the newest.
@@ -24,11 +29,17 @@ pub(crate) struct BlackboardArgs {
     /// Print every change from now on, until the job is over.
     #[arg(long)]
     watch: bool,
+    /// The page of a process instead of a farm: the address that `bottega render --dashboard` prints.
+    #[arg(long, value_name = "URL", value_hint = ValueHint::Url)]
+    page: Option<Uri>,
     #[command(flatten)]
     farm: FarmArgs,
 }
 
 pub(crate) fn run(args: &BlackboardArgs) -> Result<ExitCode, CliError> {
+    if let Some(page) = &args.page {
+        return of_page(page, args);
+    }
     let board = args.farm.board()?;
     let (number, job) = match args.job {
         Some(number) => (number, known(&board, number)?),
@@ -46,6 +57,37 @@ pub(crate) fn run(args: &BlackboardArgs) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Prints the rows of a process's picture, and with `--watch` each change until the picture is written.
+fn of_page(page: &Uri, args: &BlackboardArgs) -> Result<ExitCode, CliError> {
+    let stop = StopSwitch::new();
+    signals::stop_on_signal(&stop)?;
+    let number = args.job.unwrap_or(1);
+    let mut stream = PageStream::open(page, number)?;
+    let mut is_first = true;
+    while let Some(PageNews { rows, is_over }) = stream.next(&|| stop.is_requested())? {
+        if is_first && !args.farm.json {
+            print!("{}", as_table(number, &rows));
+        } else {
+            rows.iter().for_each(|row| print_row(row, args.farm.json));
+        }
+        is_first = false;
+        if !args.watch || is_over {
+            break;
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Prints a changed row.
+fn print_row(row: &Event, as_json: bool) {
+    match row {
+        row if as_json => println!("{}", row.to_json()),
+        Event::Zone(zone) => println!("{}", printable(&zone_line(zone))),
+        Event::Agent(agent) => println!("{}", printable(&agent_line(agent))),
+        _ => {}
+    }
+}
+
 fn newest(board: &JobBoard) -> Result<(u32, Job), CliError> {
     let jobs = board.shown_jobs();
     let under_way = jobs.iter().rev().find(|(_, job)| !job.state.is_over());
@@ -61,12 +103,7 @@ fn watch(board: &JobBoard, number: u32, job: &Job, as_json: bool) -> Result<(), 
     let mut caught_up = false;
     board.watch_rows(job, |update| {
         match update {
-            RowUpdate::Row(row) if caught_up && as_json => println!("{}", row.to_json()),
-            RowUpdate::Row(row) if caught_up => match *row {
-                Event::Zone(zone) => println!("{}", zone_line(&zone)),
-                Event::Agent(agent) => println!("{}", agent_line(&agent)),
-                _ => {}
-            },
+            RowUpdate::Row(row) if caught_up => print_row(&row, as_json),
             RowUpdate::CaughtUp => caught_up = true,
             RowUpdate::Row(_) | RowUpdate::Nothing => {}
         }

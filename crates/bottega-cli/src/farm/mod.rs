@@ -6,6 +6,7 @@ mod jobs;
 mod join;
 mod learnt;
 mod machines;
+mod page_rows;
 mod tokens;
 mod up;
 mod web;

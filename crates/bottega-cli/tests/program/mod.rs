@@ -2,6 +2,7 @@
 
 mod analysis;
 mod bad_input;
+mod blackboard;
 mod configuration;
 mod denoise;
 mod layers;
