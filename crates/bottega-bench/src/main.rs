@@ -14,6 +14,7 @@
 //! | the overhead of rendering in zones with an external engine | `src/engines.rs` |
 //! | the gain of path guiding | `src/guide/` |
 //! | the accuracy of time forecasts in a second job | `src/learning.rs` |
+//! | time and memory over the size of the work | `src/scale/` |
 //! | awards per second, on a real NATS server | `src/farm/` |
 //! | measurements and reports; the header of a run | `src/report.rs` |
 //! | options shared by several measurements | `src/arguments.rs` |
@@ -39,6 +40,7 @@ mod peers;
 mod random;
 mod rays;
 mod report;
+mod scale;
 mod scenes;
 
 use std::{
@@ -63,6 +65,7 @@ use self::{
     peers::PeersOptions,
     rays::RaysOptions,
     report::{Measurement, head, headed},
+    scale::ScaleOptions,
 };
 
 /// The default log filter.
@@ -90,6 +93,7 @@ enum BenchCommand {
     Learning(LearningOptions),
     Guide(GuideOptions),
     Ala(AlaOptions),
+    Scale(ScaleOptions),
     #[command(hide = true)]
     FarmPart(PartOptions),
     #[command(hide = true)]
@@ -124,6 +128,7 @@ fn run(program: &BenchProgram) -> Result<(), Error> {
         BenchCommand::Learning(options) => options,
         BenchCommand::Guide(options) => options,
         BenchCommand::Ala(options) => options,
+        BenchCommand::Scale(options) => options,
         BenchCommand::FarmPart(options) => return options.run(&mut io::stdout()),
         BenchCommand::MagarroPart(options) => return options.run(&mut io::stdout()),
     };
