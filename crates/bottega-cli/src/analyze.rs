@@ -3,6 +3,7 @@
 mod draw;
 mod ludd;
 mod network;
+mod noise;
 mod plot;
 mod verify;
 
@@ -45,12 +46,16 @@ pub(crate) fn run(args: &AnalyzeArgs) -> Result<ExitCode, CliError> {
     if args.network {
         network::draw(args, &subject, &mut drawn)?;
     }
+    let noise = args.noise.map(|_| noise::draw(args, &subject, &mut drawn)).transpose()?;
     let files = drawn.files;
     let verified = (!args.verify.is_empty()).then(|| verify::run(args, &subject, function)).transpose()?;
     verified.iter().try_for_each(|verified| plot::all(args, verified))?;
     let mut report = report(args, &subject, &analyses, &files, verified.as_ref());
     if let Some(ludd) = ludd {
         report["ludd"] = ludd;
+    }
+    if let Some(noise) = &noise {
+        report["noise"] = noise::report(args, noise);
     }
     write_json(&args.output.join("index.json"), &report)?;
     if args.scene.json {
@@ -67,6 +72,9 @@ pub(crate) fn run(args: &AnalyzeArgs) -> Result<ExitCode, CliError> {
     println!("{}: {} zones by level, meant for agents: {}", shown(&args.output), counts.join(", "), subject.agents);
     if report.get("ludd").is_some() {
         print!("\n{}", ludd::table(&report["ludd"]));
+    }
+    if let Some(noise) = &noise {
+        print!("\n{}", noise::table(args, noise));
     }
     if let Some(verified) = &verified {
         print!("\n{}\n", verify::table(verified));

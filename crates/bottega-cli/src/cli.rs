@@ -124,6 +124,13 @@ pub(crate) struct AnalyzeArgs {
     /// Samples per pixel of --verify.
     #[arg(long, value_name = "N", default_value_t = 64, requires = "verify", value_parser = clap::value_parser!(u32).range(2..=1 << 16), help_heading = "Work")]
     pub(crate) spp: u32,
+    /// Measure the noise of a render: pictures of the error by pixel, and a table of what causes it, by the number of bounces and
+    /// by what found the light. The picture is rendered this many times, at most 512 pixels wide and high.
+    #[arg(long, value_name = "RENDERS", num_args = 0..=1, require_equals = true, default_missing_value = "16", value_parser = clap::value_parser!(u32).range(2..=1024), help_heading = "Noise")]
+    pub(crate) noise: Option<u32>,
+    /// Samples per pixel of --noise.
+    #[arg(long, value_name = "N", default_value_t = 16, requires = "noise", value_parser = clap::value_parser!(u32).range(1..=1 << 16), help_heading = "Noise")]
+    pub(crate) noise_spp: u32,
     /// Number of agents to cut zones for; default: one for every two processors.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Work")]
     pub(crate) agents: Option<u16>,

@@ -15,7 +15,7 @@
 //! | BSDFs; the BSDF at a point | `src/bsdf/`, `src/shading.rs` |
 //! | light below surfaces: the medium inside, the walk | `src/bsdf/subsurface.rs`, `src/integrator/volume/subsurface.rs` |
 //! | light sampling: light tree, portals | `src/lights/tree.rs`, `src/lights/portal.rs` |
-//! | light kept apart by groups of lights | `src/lights/groups.rs`, `src/integrator/group_sums.rs` |
+//! | light kept apart by groups of lights or kinds of paths | `src/lights/groups.rs`, `src/lights/path_kind.rs`, `src/integrator/group_sums.rs` |
 //! | steps of all integrators at a vertex; the rays that leave it | `src/vertex.rs`, `src/segment.rs` |
 //! | textures mapped by position | `src/mapping.rs` |
 //! | media: homogeneous, varying in space | `src/media.rs`, `src/media/varying.rs` |
@@ -77,7 +77,7 @@ pub use bottega_kernels::Ray;
 pub use error::RenderError;
 pub use filter::Filter;
 pub use guide::UnreadGuide;
-pub use lights::LightGroups;
+pub use lights::{LightFinder, LightGroups, PathKind};
 pub use prepare::{PrepareOptions, PreparedScene, SceneGeometry, build_accel};
 pub use prepass::Prepass;
 pub use settings::{AgentSettings, AgentUse, DirectLight, Oracle, PathSettings, PhotonFilter, PhotonSettings, View};

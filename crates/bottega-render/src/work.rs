@@ -71,7 +71,7 @@ pub struct BlockWork {
     pub tile: Tile,
     /// Indices of the samples to add to each pixel.
     pub samples: Range<u32>,
-    /// Groups of lights whose light is kept apart, in the averaged layers of the tile; `None`: there are none.
+    /// Groups of light whose sums are kept apart, in the averaged layers of the tile; `None`: there are none.
     pub light_groups: Option<Arc<LightGroups>>,
 }
 

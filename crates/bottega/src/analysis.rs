@@ -67,6 +67,19 @@ pub fn zones(analysis: &Analysis) -> Vec<ZoneAnalysis> {
     analysis.rows.iter().map(zone).collect()
 }
 
+/// Returns the settings of path tracing for a scene, without those of a request.
+///
+/// - `samples`: planned number of samples per pixel.
+pub(crate) fn path_settings(subject: &LoadedScene, samples: u32) -> PathSettings {
+    PathSettings {
+        max_depth: subject.hints.max_depth.unwrap_or(DEFAULT_DEPTH),
+        filter: subject.hints.filter.unwrap_or_default(),
+        sample_max: subject.hints.sample_max.unwrap_or(f32::INFINITY),
+        planned_samples: samples,
+        ..PathSettings::default()
+    }
+}
+
 /// A scene with its survey.
 pub struct AnalyzedScene {
     /// The request that names the scene.
@@ -115,14 +128,8 @@ impl AnalyzedScene {
     /// The survey fails.
     pub fn of(request: Request, subject: LoadedScene, painters: usize) -> Result<Self, Error> {
         let samples = request.goal.samples.unwrap_or(DEFAULT_SAMPLES);
-        let max_depth = subject.hints.max_depth.unwrap_or(DEFAULT_DEPTH);
-        let settings = PathSettings {
-            max_depth,
-            filter: subject.hints.filter.unwrap_or_default(),
-            sample_max: subject.hints.sample_max.unwrap_or(f32::INFINITY),
-            planned_samples: samples,
-            ..PathSettings::default()
-        };
+        let settings = path_settings(&subject, samples);
+        let max_depth = settings.max_depth;
         let options = BuiltinOptions {
             view: subject.view.clone(),
             settings,

@@ -34,7 +34,7 @@
 //! | expert rules, from files or built in; their view for web pages | [`rules`]; [`rule_view`] |
 //! | animations: the request of one frame; lists of frames and file names | `src/animation.rs`; [`frames`]: `src/frames/list.rs`, `src/frames/name.rs` |
 //! | the journal beside a picture | [`journal`] |
-//! | the Analyst's view of a scene; the difference of two pictures | [`analysis`], [`difference`] |
+//! | the Analyst's view of a scene; the noise of a picture; the difference of two pictures | [`analysis`], [`noise`], [`difference`] |
 //! | interactive view of a scene | [`viewport`] |
 //! | previews, denoising | `src/preview.rs`, [`denoise`] |
 //! | identity of the build | [`identity`] |
@@ -58,6 +58,7 @@ pub mod journal;
 pub mod json;
 pub mod loaded_scene;
 pub mod method;
+pub mod noise;
 pub mod picture;
 pub mod plan;
 mod preview;

@@ -126,3 +126,23 @@ fn bands_between_zones_of_different_quality_are_not_seen() {
     let (z, p) = seams(folder.path(), "n.exr", Some("off.exr"));
     assert!(p > 1e-3, "z = {z}, p = {p}");
 }
+
+#[test]
+fn noise_is_measured_by_pixel_and_by_kind_of_path() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let index = analyzed("goblets.glb", folder.path(), &["--noise=4", "--noise-spp", "4"]);
+    let noise = &index["noise"];
+    let kinds = noise["kinds"].as_array().expect("kinds");
+    for share in ["light", "relative_error", "shown_error"] {
+        let sum: f64 = kinds.iter().map(|kind| kind[share].as_f64().expect("a share")).sum();
+        assert!((sum - 1.0).abs() < 1e-6, "{share}: {sum}");
+    }
+    assert!(noise["rel_mse"].as_f64().is_some_and(|error| error > 1e-4), "{noise}");
+    // The lamp is seen through glass: no light sample finds that.
+    let through_glass = kinds.iter().filter(|kind| kind["found_by"] == "over mirror or glass" && kind["bounces"] != 0);
+    assert!(through_glass.map(|kind| kind["light"].as_f64().unwrap_or_default()).sum::<f64>() > 0.01, "{noise}");
+    for name in ["noise", "noise-light-samples", "noise-scattered-rays", "noise-mirrors-and-glass"] {
+        let picture = read_picture(folder.path().join(format!("{name}.png"))).expect("a picture");
+        assert_eq!((picture.width, picture.height), (192, 144), "{name}");
+    }
+}

@@ -1,4 +1,4 @@
-//! The light of a path by groups of lights.
+//! The light of a path by groups: of lights, or of kinds of paths.
 
 use std::slice::ChunksExactMut;
 
@@ -14,7 +14,7 @@ pub(super) struct GroupSums<'a> {
 }
 
 impl<'a> GroupSums<'a> {
-    /// Returns the groups that lights belong to.
+    /// Returns the groups that light belongs to.
     #[inline(always)]
     pub(super) fn groups(&self) -> &'a LightGroups {
         self.groups
@@ -22,7 +22,7 @@ impl<'a> GroupSums<'a> {
 
     /// Adds light to all groups of a set.
     #[inline(always)]
-    pub(super) fn add(&mut self, groups: u16, light: Spectrum) {
+    pub(super) fn add(&mut self, groups: u32, light: Spectrum) {
         for (group, sum) in self.sums.iter_mut().enumerate() {
             if groups & 1 << group != 0 {
                 *sum += light;
@@ -40,7 +40,7 @@ impl<'a> GroupSums<'a> {
 
 /// A place for the light of many paths, by group.
 pub(crate) struct GroupBuffer<'a> {
-    /// The groups of the scene's lights.
+    /// The groups of light.
     pub(crate) groups: &'a LightGroups,
     /// Receives the sums: those of each path's groups, path by path.
     pub(crate) sums: &'a mut Vec<Spectrum>,

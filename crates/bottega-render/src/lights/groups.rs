@@ -1,16 +1,32 @@
-//! Groups of lights: pictures keep the light of each group apart.
+//! Groups of a picture's light, whose sums are kept apart: by the lights that send it, or by the kinds of paths that found it.
 
 use bottega_kernels::Hit;
 use bottega_scene::{Light, LightKind, Material, PartNames, Surface};
 
-use super::{FarLight, Light as TreeLight, LightSample, NO_LIGHT};
+use super::{FarLight, Light as TreeLight, LightSample, NO_LIGHT, PathEnd, PathKind};
 use crate::prepare::PreparedScene;
 
-/// The groups of all lights of a scene. A set of groups is a bit mask: bit `g` is set for members of group `g`.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+/// The groups of a picture's light: by the lights of the scene, or by kinds of paths. A set of groups is a bit mask: bit
+/// `g` is set for members of group `g`.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LightGroups {
     /// Number of groups.
     count: usize,
+    by: GroupedBy,
+}
+
+/// What the groups of light depend on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum GroupedBy {
+    /// The light that sends it.
+    Lights(GroupsOfLights),
+    /// The path that found it: a [`PathKind`] each.
+    Paths,
+}
+
+/// The groups of all lights of a scene.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+struct GroupsOfLights {
     environment: u16,
     /// Groups of each light in [`Lights::suns`].
     suns: Vec<u16>,
@@ -63,7 +79,13 @@ impl LightGroups {
             TreeLight::Sphere(index) => spheres[*index as usize],
             TreeLight::Surface(surface) => instances[surface.instance() as usize],
         });
-        Self { count, environment, suns, tree: tree.collect(), instances, spheres }
+        let groups = GroupsOfLights { environment, suns, tree: tree.collect(), instances, spheres };
+        Self { count, by: GroupedBy::Lights(groups) }
+    }
+
+    /// Groups light by the kind of path that found it: one group per [`PathKind`], in the order of [`PathKind::ALL`].
+    pub fn by_path() -> Self {
+        Self { count: PathKind::ALL.len(), by: GroupedBy::Paths }
     }
 
     /// Returns the number of groups.
@@ -72,30 +94,39 @@ impl LightGroups {
     }
 
     /// Returns the groups of a light sample.
+    ///
+    /// - `depth`: number of scattering events up to the vertex where the light was sampled, without it.
     #[inline(always)]
-    pub(crate) fn of_sample(&self, sample: &LightSample) -> u16 {
-        match (sample.light, sample.sun) {
-            (NO_LIGHT, NO_LIGHT) => self.environment,
-            (NO_LIGHT, sun) => self.suns[sun as usize],
-            (light, _) => self.tree[light as usize],
-        }
+    pub(crate) fn of_sample(&self, sample: &LightSample, depth: u32) -> u32 {
+        let GroupedBy::Lights(groups) = &self.by else { return PathKind::sampled(depth + 1).bit() };
+        u32::from(match (sample.light, sample.sun) {
+            (NO_LIGHT, NO_LIGHT) => groups.environment,
+            (NO_LIGHT, sun) => groups.suns[sun as usize],
+            (light, _) => groups.tree[light as usize],
+        })
     }
 
     /// Returns the groups of a surface that was hit.
+    ///
+    /// - `end`: the end of the path that hit it.
     #[inline(always)]
-    pub(crate) fn of_hit(&self, hit: &Hit) -> u16 {
-        match hit.sphere() {
-            Some(sphere) => self.spheres[sphere as usize],
-            None => self.instances[hit.instance as usize],
-        }
+    pub(crate) fn of_hit(&self, hit: &Hit, end: PathEnd) -> u32 {
+        let GroupedBy::Lights(groups) = &self.by else { return PathKind::hit(end).bit() };
+        u32::from(match hit.sphere() {
+            Some(sphere) => groups.spheres[sphere as usize],
+            None => groups.instances[hit.instance as usize],
+        })
     }
 
     /// Returns the groups of a light at infinity.
+    ///
+    /// - `end`: the end of the path that found it.
     #[inline(always)]
-    pub(crate) fn of_far(&self, light: FarLight) -> u16 {
-        match light {
-            FarLight::Environment => self.environment,
-            FarLight::Sun(sun) => self.suns[sun],
-        }
+    pub(crate) fn of_far(&self, light: FarLight, end: PathEnd) -> u32 {
+        let GroupedBy::Lights(groups) = &self.by else { return PathKind::hit(end).bit() };
+        u32::from(match light {
+            FarLight::Environment => groups.environment,
+            FarLight::Sun(sun) => groups.suns[sun],
+        })
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bottega_image::{AovSet, Combine, Layer, Layout, Rect, Tile};
-use bottega_render::{BlockWork, LightGroups, PathSettings, PrepareOptions, PreparedScene};
+use bottega_render::{BlockWork, DirectLight, LightFinder, LightGroups, PathKind, PathSettings, PrepareOptions, PreparedScene};
 use bottega_scene::{Environment, Light, LightKind, Medium, Scene, Visibility};
 use glam::Vec3;
 
@@ -131,6 +131,47 @@ fn a_group_is_the_picture_of_its_lights_alone() {
             let error = (found - expected).abs().max_element();
             assert!(error <= 0.03 * expected.max_element() + 1e-6, "{name} {group}: {found} instead of {expected}");
         }
+    }
+}
+
+/// Mean light over the picture by kind of path, and of all light.
+fn by_path(scene: &Subject, settings: PathSettings) -> (Vec<Vec3>, Vec3) {
+    let layer = |kind: usize| Layer {
+        name: format!("kind{kind:02}"),
+        channels: ["R", "G", "B"].map(str::to_owned).to_vec(),
+        combine: Combine::Mean,
+    };
+    let layers = (0..PathKind::ALL.len()).map(layer).collect();
+    let tile = Tile::new(Rect::of_size(SIZE.0, SIZE.1), Layout::with_layers(AovSet::NONE, layers).expect("a layout"));
+    let light_groups = Some(Arc::new(LightGroups::by_path()));
+    let work = BlockWork { light_groups, ..scene.block(&scene.view(SIZE), settings, tile, 0..16) };
+    let tile = work.perform().expect("a picture").tile;
+    let sum = |place: usize| {
+        let of_pixel = |(x, y)| Vec3::from_slice(&tile.pixel(x, y)[place..place + 3]) / tile.pixel(x, y)[Layout::SAMPLE_COUNT];
+        tile.rect().pixels().map(of_pixel).sum::<Vec3>() / tile.rect().area() as f32
+    };
+    let kinds = tile.layout().placed_layers().map(|(place, _)| sum(place)).collect();
+    (kinds, sum(Layout::COLOR))
+}
+
+#[test]
+fn kinds_of_paths_sum_to_the_picture_and_each_has_its_own_light() {
+    for (name, scene) in subjects() {
+        let scene = prepare(scene);
+        let (kinds, whole) = by_path(&scene, PathSettings::default());
+        let error = (kinds.iter().sum::<Vec3>() - whole).abs().max_element();
+        assert!(error <= 1e-4 * whole.max_element(), "{name}: {kinds:?} instead of {whole}");
+        // Direct light has at most one bounce
+        let light = |settings: PathSettings, is_of: &dyn Fn(&PathKind) -> bool| {
+            let (kinds, _) = by_path(&scene, settings);
+            PathKind::ALL.iter().zip(kinds).filter(|(kind, _)| is_of(kind)).map(|(_, light)| light.max_element()).sum::<f32>()
+        };
+        let direct = PathSettings { max_depth: 1, guiding: false, agents: Default::default(), ..PathSettings::default() };
+        assert_eq!(light(direct, &|kind| kind.bounces > 1), 0.0, "{name}");
+        assert!(light(direct, &|kind| kind.bounces == 1 && kind.finder == LightFinder::Sample) > 0.0, "{name}");
+        // Without light samples, rays find everything
+        let rays = PathSettings { direct_light: DirectLight::BsdfSampling, ..direct };
+        assert_eq!(light(rays, &|kind| kind.finder == LightFinder::Sample), 0.0, "{name}");
     }
 }
 

@@ -13,7 +13,7 @@ use crate::{
     color::luminance,
     density::SolidAnglePdf,
     interaction::Interaction,
-    lights::{LightSample, Receiver, RequestedLight},
+    lights::{LightSample, PathEnd, Receiver, RequestedLight},
     sampler::{DimensionSet, Quad},
     settings::DirectLight,
 };
@@ -42,8 +42,9 @@ impl Path<'_> {
             });
             let found = self.throughput * radiance * weight;
             self.radiance += found;
+            let end = self.end();
             if let Some(sums) = &mut self.groups {
-                sums.add(sums.groups().of_far(light), found);
+                sums.add(sums.groups().of_far(light, end), found);
             }
         });
     }
@@ -68,9 +69,16 @@ impl Path<'_> {
     #[inline(always)]
     pub(super) fn add_of_hit(&mut self, hit: &Hit, light: Spectrum) {
         self.radiance += light;
+        let end = self.end();
         if let Some(sums) = &mut self.groups {
-            sums.add(sums.groups().of_hit(hit), light);
+            sums.add(sums.groups().of_hit(hit, end), light);
         }
+    }
+
+    /// Returns the end of the path at its next ray.
+    #[inline(always)]
+    fn end(&self) -> PathEnd {
+        PathEnd { depth: self.depth, is_mirror: self.previous.pdf.is_none() }
     }
 
     /// Returns the MIS weight of light that the path hit.
@@ -130,7 +138,7 @@ impl Path<'_> {
             // Defer the test of visibility, unless it depends on this vertex, as where surfaces let rays pass
             self.record.counts.shadow_rays += 1;
             let ray = shadow_ray(vertex.surface.point, &light);
-            let groups = self.groups.as_ref().map_or(0, |sums| sums.groups().of_sample(&light));
+            let groups = self.groups.as_ref().map_or(0, |sums| sums.groups().of_sample(&light, self.depth));
             let light = DeferredLight { ray, light: self.throughput * contribution / share, groups };
             if prepared.has_opacity() {
                 self.add_if_visible(&light);

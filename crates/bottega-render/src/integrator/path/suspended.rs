@@ -17,7 +17,7 @@ pub(in crate::integrator) struct DeferredLight {
     /// Radiance added to the path if the ray hits nothing.
     pub(in crate::integrator) light: Spectrum,
     /// Groups of the light, if light is kept apart by groups.
-    pub(in crate::integrator) groups: u16,
+    pub(in crate::integrator) groups: u32,
 }
 
 /// The state of a path between two of its vertices.

@@ -10,7 +10,7 @@ use super::{
 use crate::{
     density::SolidAnglePdf,
     interaction::Interaction,
-    lights::{FarLight, LightSample, NO_LIGHT, Receiver, Segment},
+    lights::{FarLight, LightSample, NO_LIGHT, PathEnd, Receiver, Segment},
     media::{Homogeneous, Phase, channel_probabilities},
     sampler::DimensionSet,
     settings::DirectLight,
@@ -45,9 +45,10 @@ impl MediumPath<'_> {
         self.add(share * arriving.radiance, self.depth);
         let Some(mut sums) = self.groups.take() else { return };
         let groups = sums.groups();
+        let end = PathEnd { depth: self.depth, is_mirror: self.previous.pdf.is_none() };
         match arriving.point {
-            Some(point) => sums.add(groups.of_hit(&point.hit), share * arriving.radiance),
-            None => self.each_far(|light, radiance| sums.add(groups.of_far(light), share * radiance)),
+            Some(point) => sums.add(groups.of_hit(&point.hit, end), share * arriving.radiance),
+            None => self.each_far(|light, radiance| sums.add(groups.of_far(light, end), share * radiance)),
         }
         self.groups = Some(sums);
     }

@@ -109,7 +109,7 @@ impl MediumPath<'_> {
                 let found = contribution * transmittance;
                 self.add(found, self.depth + 1);
                 if let Some(sums) = &mut self.groups {
-                    sums.add(sums.groups().of_sample(light), found);
+                    sums.add(sums.groups().of_sample(light, self.depth), found);
                 }
                 return;
             }
