@@ -68,12 +68,11 @@ pub struct CameraRays {
     pub(crate) double_pixel: Vec2,
     pub(crate) kind: ProjectionKind,
     /// The lenses of [`ProjectionKind::Lenses`].
-    lenses: Option<LensSystem>,
+    pub(crate) lenses: Option<LensSystem>,
     /// The eyes of a stereo picture.
-    eyes: Option<Eyes>,
-    lens: LensOpening,
-    /// Radius of the lens, in scene units; 0: a pinhole.
-    pub(crate) lens_radius: f32,
+    pub(crate) eyes: Option<Eyes>,
+    /// The opening of the thin lens; a point: a pinhole.
+    pub(crate) lens: LensOpening,
     /// Distance of the plane in focus, in scene units.
     pub(crate) focus_distance: f32,
     /// Ray cone at the camera.
@@ -154,7 +153,6 @@ impl CameraRays {
             lenses: camera.lenses.clone(),
             eyes,
             lens: LensOpening::new(lens_radius, camera.aperture),
-            lens_radius,
             focus_distance: camera.focus_distance,
             cone,
             clip: if is_flat { camera.clip } else { Clip::NONE },

@@ -10,7 +10,7 @@ const MERGED: [f32; 2] = [std::f32::consts::FRAC_PI_3, 5.0 / 12.0 * std::f32::co
 
 /// The eyes of a stereo picture of one size.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Eyes {
+pub(crate) struct Eyes {
     layout: StereoLayout,
     /// Size of the picture of one eye, in pixels.
     size: Vec2,

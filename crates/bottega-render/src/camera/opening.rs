@@ -10,7 +10,7 @@ use crate::sampling::uniform_disk;
 
 /// The opening of a lens, from which points are drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct LensOpening {
+pub(crate) struct LensOpening {
     radius: f32,
     polygon: Option<Polygon>,
     /// Width as a multiple of the height.
@@ -36,6 +36,11 @@ impl LensOpening {
             Polygon { corners: aperture.blades as f32, rotation: aperture.rotation, corner: Vec2::new(cos, sin) }
         });
         Self { radius, polygon, width: 1.0 / aperture.ratio }
+    }
+
+    /// Returns the radius in scene units; 0: a point.
+    pub(crate) fn radius(&self) -> f32 {
+        self.radius
     }
 
     /// Returns true if the opening is a point.

@@ -38,14 +38,27 @@ impl FlatPicture {
 }
 
 fn camera_record(rays: &CameraRays) -> CameraRecord {
-    let &CameraRays { world_from_camera, half_extent, lens_shift, double_pixel, kind, .. } = rays;
-    let &CameraRays { lens_radius, focus_distance, cone, clip, .. } = rays;
+    // Devices decline lenses, stereo, openings that are not round, and motion: see `is_camera_for_devices`
+    let CameraRays {
+        world_from_camera,
+        half_extent,
+        lens_shift,
+        double_pixel,
+        kind,
+        lenses: _,
+        eyes: _,
+        lens,
+        focus_distance,
+        cone,
+        clip,
+        motion: _,
+    } = rays;
     CameraRecord {
         world_from_camera: Mat3::from(world_from_camera.matrix3),
         position: world_from_camera.translation.into(),
-        half_extent,
-        shift: lens_shift,
-        double_pixel,
+        half_extent: *half_extent,
+        shift: *lens_shift,
+        double_pixel: *double_pixel,
         kind: match kind {
             // Devices decline cubes, fisheyes and lenses, see `is_camera_for_devices`
             ProjectionKind::Perspective | ProjectionKind::Lenses | ProjectionKind::Fisheye(_) => {
@@ -55,8 +68,8 @@ fn camera_record(rays: &CameraRays) -> CameraRecord {
             ProjectionKind::Panorama(Panorama::Equirectangular) => code::CAMERA_EQUIRECTANGULAR,
             ProjectionKind::Panorama(Panorama::EqualArea | Panorama::Cube) => code::CAMERA_EQUAL_AREA,
         },
-        lens_radius,
-        focus: focus_distance,
+        lens_radius: lens.radius(),
+        focus: *focus_distance,
         cone_width: cone.width,
         cone_spread: cone.spread,
         near: clip.near,
