@@ -22,7 +22,8 @@ pub enum RenderError {
     /// The scene violates an invariant of the model, such as an index out of range.
     #[error("the scene is invalid")]
     UnsoundScene(#[source] Box<bottega_scene::SceneError>),
-    /// Photon mapping does not support the scene's media, or its motion.
+    /// Photon mapping and lighting agents do not support the scene's media, subsurface scattering, visibility by kind
+    /// of ray, or motion.
     #[error(
         "photons and lighting agents do not support media that scatter, emit or have no surface, subsurface scattering, visibility by kind of ray, and motion blur; render this scene by path tracing"
     )]

@@ -65,7 +65,7 @@ pub struct NodeConfig {
     pub public: Option<String>,
     /// The store of the services. Nodes with the same entries serve one platform.
     pub store: Box<dyn EntryStore<String, usize> + Send>,
-    /// Maximum lease that the DF grants.
+    /// Maximum lease that the DF grants; `None`: any, including unlimited.
     pub lease_max: Option<Duration>,
     /// Directories of other platforms for federated searches.
     pub federates: Vec<AgentId>,

@@ -107,7 +107,7 @@ pub enum ZoneState {
 pub struct Vote {
     /// The name of the agent.
     pub agent: AgentId,
-    /// The painting for which the agent stands.
+    /// The painting that the agent reports.
     pub painting: Painting,
 }
 
