@@ -1,8 +1,8 @@
 //! Motion: the shutter of a picture, and keys of what moves while it is open.
 //!
 //! Times are in the unit of the file; for glTF and USD these are seconds. Before its first key and after its last one,
-//! everything stands still. The parts themselves ([`Instance::world_from_object`](crate::Instance::world_from_object) and others)
-//! are as they are when the shutter opens.
+//! everything stands still. The parts themselves ([`Instance::world_from_object`](crate::Instance::world_from_object)
+//! and others) are as they are when the shutter opens.
 
 use glam::{Affine3A, Quat, Vec3};
 use serde::{Deserialize, Serialize};

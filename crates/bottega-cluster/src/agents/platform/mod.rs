@@ -57,8 +57,8 @@ pub struct PlatformOptions {
     pub federates: Vec<AgentId>,
     /// The longest lease that the platform's DF grants; none: no limit.
     pub lease_max: Option<Duration>,
-    /// Agents of other platforms that may change all entries of the directories, and may command jobs and machines. Their
-    /// identity is not verified.
+    /// Agents of other platforms that may change all entries of the directories, and may command jobs and machines.
+    /// Their identity is not verified.
     pub trusted: Vec<AgentId>,
     /// Formats the trace line of each message that the platform handles.
     pub trace_line: TraceLine,
