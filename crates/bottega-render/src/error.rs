@@ -3,7 +3,7 @@
 /// An error of preparing or rendering a scene.
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
-    /// The scene has no such camera.
+    /// The scene has no camera with this index.
     #[error("there is no camera {index}: the scene has {count}")]
     NoCamera {
         /// The requested index of a camera, from 0.

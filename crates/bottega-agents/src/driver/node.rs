@@ -73,7 +73,7 @@ pub struct NodeConfig {
     pub administrators: Vec<AgentId>,
     /// Agents of other platforms that may change all entries. Their identity is not verified.
     pub trusted: Vec<AgentId>,
-    /// Agents of this platform in the white pages that are read-only, like its services.
+    /// Agents of this platform whose entries in the white pages are read-only, like those of its services.
     pub permanent: Vec<AgentId>,
     /// Formats passing messages for the trace.
     pub trace_line: TraceLine,

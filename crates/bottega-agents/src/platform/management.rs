@@ -213,7 +213,7 @@ pub struct Property {
 /// The limits of a search in the white or yellow pages.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SearchConstraints {
-    /// Maximum number of hops to other directories; 0 or absent: this one only.
+    /// Maximum number of hops to other directories; 0 or absent: this one only; negative: unlimited.
     pub max_depth: Option<i64>,
     /// Maximum number of results; negative: unlimited. Absent: 1.
     pub max_results: Option<i64>,

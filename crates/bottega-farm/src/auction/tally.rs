@@ -51,7 +51,7 @@ pub struct AuctionTally {
     pub contested: u64,
     /// Number of zones awarded to another bidder than the one that chose them, because it finished them sooner.
     pub outbid: u64,
-    /// Number of rounds whose awards differ from those with all promises believed alike.
+    /// Number of rounds whose awards differ from those of a round that believes all promises equally.
     pub credit_decided: u64,
     /// Number of proposals, over all rounds.
     pub bidders: u64,

@@ -110,6 +110,6 @@ pub struct Decision {
     pub awards: Vec<Award>,
     /// Number of zones awarded to another bidder than the one that chose them, because it finishes them sooner.
     pub outbid: u32,
-    /// True if the awards differ from those with all promises believed alike.
+    /// True if the awards differ from those of a round that believes all promises equally.
     pub credit_decided: bool,
 }
