@@ -17,7 +17,8 @@ use crate::{Sharing, Survey};
 /// The render settings that the farm may choose per zone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Tunables {
-    /// The most bounces of a path after the direct light at its first surface (the paper's Recursion Level).
+    /// The largest number of bounces of a path (the paper's Recursion Level). 0: only directly visible emission; 1:
+    /// direct light; and so on.
     pub max_depth: u32,
     /// Light samples per path vertex (the paper's Light Samples).
     pub light_samples: u32,

@@ -51,7 +51,7 @@ pub enum AdaptationRule {
     /// V_cp ← (1 − k)·V_cp + k·(T − T_est) with times in seconds and k = 0.1, equation (1) as printed. Drifts to zero
     /// if every estimate is right.
     Paper,
-    /// The median of the last five ratios of own to reference time.
+    /// V_cp ← the median of the last five ratios of T, in own time, to T_est, in reference-machine time.
     #[default]
     MedianRatio,
 }

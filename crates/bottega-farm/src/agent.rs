@@ -12,7 +12,7 @@ use crate::{
 pub enum FarmAgent {
     /// The Analyst, which cuts the picture into zones.
     Analyst(Box<Analyst>),
-    /// The Master, which gives zones away and composes the picture.
+    /// The Master, which awards zones and composes the picture.
     Master(Box<Master>),
     /// A Render Agent.
     Render(Box<RenderAgent>),

@@ -33,7 +33,7 @@ pub struct AnalystConfig {
     pub settings: WorkSettings,
     /// The importance function.
     pub importance: ImportanceFunction,
-    /// The target of the partition.
+    /// The target of the partition: its level, and the number and limits of zones.
     pub partition: PartitionSettings,
     /// The platform at which the Analyst registers; `None`: it does not.
     pub registration: Option<RegistrationConfig>,

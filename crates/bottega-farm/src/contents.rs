@@ -30,7 +30,7 @@ pub struct Offer {
     pub zone: ZoneId,
     /// Predicted cost of its pixels, in average pixels of the frame.
     pub complexity: f64,
-    /// T_est, reference-machine time.
+    /// T_est, in reference-machine time.
     pub time_estimated: Duration,
 }
 
@@ -76,7 +76,8 @@ pub struct Holding {
     pub zone: ZoneId,
     /// The fencing token of the order.
     pub fence: Revision,
-    /// Progress; rises while the zone is painted. 0: not begun, because preparation for all zones is not finished.
+    /// Progress: 1 plus the number of painted samples, summed over the pixels, as last queried. 0: not begun, because
+    /// preparation for all zones is not finished; `u64::MAX`: reported.
     pub progress: u64,
 }
 
@@ -174,7 +175,7 @@ pub enum FarmContent {
     Neighbors(Vec<AgentId>),
     /// *request* to a neighbor: the sender has no waiting zones and asks for some of the neighbor's.
     Steal {
-        /// The sender's own seconds per second of the reference machine, with all its processors together.
+        /// Seconds that all processors of the sender together need for one second of work of the reference machine.
         own: f64,
         /// Time until the sender has painted what it holds.
         load: Duration,

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// The paper's IdWork: one picture of one scene.
+/// The paper's IdWork: the number of a work, which is one picture of one scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct WorkId(pub u64);
 

@@ -42,7 +42,7 @@ pub struct Times {
     pub preparation: Duration,
     /// Processor time of profiling and painting.
     pub painting: Duration,
-    /// Time of composition.
+    /// Clock time of composing zones, summed over all zones.
     pub composition: Duration,
 }
 

@@ -44,10 +44,10 @@ pub struct RenderAgentConfig {
     pub master: MasterSource,
     /// The rule that adapts V_cp.
     pub adaptation: AdaptationRule,
-    /// Number of zones that the agent works on at once; others wait in its hand. With 2, the next zone is there before
+    /// Number of zones that the agent works on at once; others wait in its queue. With 2, the next zone is there before
     /// the present one ends, and no core idles.
     pub prefetch: u32,
-    /// The rule of the auction: it bounds how many zones may wait in the agent's hand. Under
+    /// The rule of the auction: it bounds how many zones may wait in the agent's queue. Under
     /// [`AuctionRule::Stealing`] zones are dealt to the agent, which takes zones from its neighbors when it has none.
     pub auction: AuctionRule,
     /// Interval of heartbeats and of repeated reports.

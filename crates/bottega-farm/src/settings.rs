@@ -79,7 +79,7 @@ impl FromStr for Optimization {
 /// The use that is made of the estimated error of a zone.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum ErrorUse {
-    /// None: it is not estimated.
+    /// The error is not estimated.
     #[default]
     None,
     /// Zones with a larger error get more samples.

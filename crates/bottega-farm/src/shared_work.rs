@@ -10,7 +10,7 @@ use std::time::Duration;
 /// The state of a part of shared work.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SharedPart {
-    /// The machine that last claimed the part.
+    /// The machine that last claimed the part; `None`: none has claimed it.
     pub taken_by: Option<String>,
     /// Time since that claim.
     pub since: Duration,

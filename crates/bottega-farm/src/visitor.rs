@@ -87,12 +87,12 @@ pub enum VisitorReport {
         zone: ZoneId,
         /// The fencing token of the order.
         fence: Revision,
-        /// The samples and the time they took, or the error.
+        /// The samples and the visitor's own time for them; or the error, as text.
         outcome: Result<(ResultRef, Duration), String>,
     },
     /// The visitor leaves; its zones are given to others.
     Leaves,
-    /// The visitor is back.
+    /// The visitor is back after [`Self::Leaves`] and takes zones again.
     Returns,
 }
 

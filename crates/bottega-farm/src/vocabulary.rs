@@ -22,17 +22,17 @@ pub struct PaintOrder {
     pub rect: Rect,
     /// The range of samples of each pixel.
     pub samples: Range<u32>,
-    /// The settings to paint with: samples, bounces, light samples.
+    /// The settings to paint with: the number of bounces and of light samples.
     pub tunables: Tunables,
-    /// The preferred one of two engines.
+    /// The preference for one of the engines, if there are several.
     pub preference: EnginePreference,
     /// The earlier samples, which `samples` continues. `None`: `samples` starts at 0.
     pub from: Option<ResultRef>,
-    /// The use of the remaining error.
+    /// The use of the zone's estimated error.
     pub error_use: ErrorUse,
     /// The maximum number of samples per pixel, over this order and later ones.
     pub samples_max: u32,
-    /// Expected time, in own time, if known: for progress displays and for cutting long work into passes.
+    /// Expected time, in the agent's own time, if known: for progress displays and for cutting long work into passes.
     pub time_estimated: Option<Duration>,
 }
 
@@ -47,9 +47,9 @@ pub enum FarmEffect {
     Survey {
         /// The whole picture.
         picture: Rect,
-        /// The columns of cells.
+        /// Number of columns of cells.
         width: u32,
-        /// The rows of cells.
+        /// Number of rows of cells.
         height: u32,
     },
     /// The result of the Analyst, for observers.

@@ -9,7 +9,7 @@ pub struct Transfer {
     pub bytes: u64,
     /// Number of bytes that followed others without a gap: only they measure the bandwidth. 0: not measured.
     pub timed_bytes: u64,
-    /// The time that these took.
+    /// The time that [`Self::timed_bytes`] took.
     pub time: Duration,
 }
 

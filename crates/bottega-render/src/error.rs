@@ -3,7 +3,7 @@
 /// An error of preparing or rendering a scene.
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
-    /// The scene has no such camera.
+    /// The scene has no camera with this index.
     #[error("there is no camera {index}: the scene has {count}")]
     NoCamera {
         /// The requested index of a camera, from 0.
@@ -22,7 +22,8 @@ pub enum RenderError {
     /// The scene violates an invariant of the model, such as an index out of range.
     #[error("the scene is invalid")]
     UnsoundScene(#[source] Box<bottega_scene::SceneError>),
-    /// Photon mapping does not support the scene's media, or its motion.
+    /// Photon mapping and lighting agents do not support the scene's media, subsurface scattering, visibility by kind
+    /// of ray, or motion.
     #[error(
         "photons and lighting agents do not support media that scatter, emit or have no surface, subsurface scattering, visibility by kind of ray, and motion blur; render this scene by path tracing"
     )]

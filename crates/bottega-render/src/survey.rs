@@ -56,7 +56,8 @@ pub struct Survey {
     pub height: u32,
     /// Pixels `[width × height]`, row-major.
     pub pixels: Vec<SurveyPixel>,
-    /// Largest number of zones that pays for the overhead of a zone; `None`: no limit.
+    /// Largest number of zones for which the fixed cost of a zone stays small compared to that of its samples; `None`:
+    /// no limit.
     pub zones_max: Option<u32>,
 }
 

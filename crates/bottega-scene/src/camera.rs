@@ -23,7 +23,7 @@ pub enum Projection {
     },
     /// A circle around the axis, whose radius grows with the angle between direction and axis. The lens has no effect.
     Fisheye {
-        /// The law by which it grows.
+        /// The law by which the radius grows.
         mapping: FisheyeMapping,
         /// Angle between opposite directions on the rim, above 0 and at most 2π, in radians. Beyond the rim the picture
         /// is black and transparent.
@@ -91,8 +91,8 @@ pub struct Stereo {
     pub layout: StereoLayout,
     /// Distance between the eyes, in scene units.
     pub eye_distance: f32,
-    /// Distance at which the two pictures agree, in scene units, above 0; infinite: the eyes look in parallel. It is that
-    /// of a plane; of a sphere for panoramas.
+    /// Distance at which the two pictures agree, in scene units, above 0: of a plane, or the radius of a sphere for
+    /// panoramas. Infinite: the eyes look in parallel.
     #[serde(with = "crate::numbers::maybe_infinite")]
     pub convergence: f32,
 }

@@ -55,7 +55,7 @@ pub enum SceneError {
         /// The contradiction within the file.
         problem: String,
     },
-    /// A scene file of ours has another version of the format.
+    /// A scene file that Bottega wrote has another version of the format.
     #[error(
         "`{}` has version {found} of the format, and this Bottega reads version {known}: use the Bottega that wrote it, or \
          write the scene again",

@@ -34,9 +34,9 @@ pub enum CurveLook {
 pub struct CurvePoint {
     /// Position, object space.
     pub position: Vec3,
-    /// Direction of the curve, unit length.
+    /// Direction of the curve, object space, unit length.
     pub tangent: Vec3,
-    /// Half the width of the curve, in units of its space.
+    /// Half the width of the curve, object space.
     pub radius: f32,
     /// Texture coordinate along the curve.
     pub along: f32,
@@ -63,7 +63,7 @@ pub struct CurveMeeting {
     pub t: f32,
     /// Direction of the curve, object space, unit length.
     pub tangent: Vec3,
-    /// Half the width of the curve, in units of its space.
+    /// Half the width of the curve, object space.
     pub radius: f32,
     /// Position across the curve, in [−1, 1].
     pub across: f32,

@@ -23,7 +23,7 @@ pub enum Pigment {
 
 /// The direction of fibres on a surface.
 ///
-/// Meshes that are the hull of [curves](crate::FacingCurves) know it themselves; this counts for others.
+/// Meshes that are the hull of [curves](crate::FacingCurves) take it from the curves; this setting is for other meshes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Strand {

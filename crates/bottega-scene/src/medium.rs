@@ -24,7 +24,7 @@ pub struct Medium {
     /// Scattering coefficient σ_s, per scene unit.
     #[serde(with = "crate::numbers")]
     pub scattering: Spectrum,
-    /// Emitted radiance per scene unit.
+    /// Radiance emitted per scene unit along a ray, in W·sr⁻¹·m⁻².
     #[serde(with = "crate::numbers")]
     pub emission: Spectrum,
     /// Henyey-Greenstein asymmetry: mean cosine of the scattering angle, in (−1, 1); above 0: forward (Henyey and
@@ -40,7 +40,8 @@ pub struct Medium {
 pub struct Variation {
     /// Factors of absorption and scattering.
     pub density: Density,
-    /// Variation of emission, in most cases in addition to the factor of absorption; `None`: 1.
+    /// Factor of emission; `None`: 1. Emission is also multiplied by the factor of absorption, except with
+    /// [`Blackbody::times_density`] `false`.
     pub emission: Option<EmissionVariation>,
     /// World space to the unit cube of the grids. Outside, the medium is empty.
     pub grid_from_world: Affine3A,
@@ -72,7 +73,7 @@ pub enum Density {
 pub enum EmissionVariation {
     /// A grid of factors.
     Factor(Grid),
-    /// The colors of black bodies, as factors.
+    /// The colors of black bodies at the temperatures of a grid, as factors.
     Blackbody(Blackbody),
 }
 
@@ -120,7 +121,7 @@ pub struct Coefficients {
     pub absorption: Spectrum,
     /// Scattering coefficient σ_s, per scene unit.
     pub scattering: Spectrum,
-    /// Emitted radiance per scene unit.
+    /// Radiance emitted per scene unit along a ray, in W·sr⁻¹·m⁻².
     pub emission: Spectrum,
 }
 

@@ -1,8 +1,8 @@
 //! Motion: the shutter of a picture, and keys of what moves while it is open.
 //!
-//! Times are in the unit of the file; for glTF these are seconds. Before its first key and after its last one, everything
-//! stands still. The parts themselves ([`Instance::world_from_object`](crate::Instance::world_from_object) and others)
-//! are as they are when the shutter opens.
+//! Times are in the unit of the file; for glTF and USD these are seconds. Before its first key and after its last one,
+//! everything stands still. The parts themselves ([`Instance::world_from_object`](crate::Instance::world_from_object)
+//! and others) are as they are when the shutter opens.
 
 use glam::{Affine3A, Quat, Vec3};
 use serde::{Deserialize, Serialize};
@@ -11,9 +11,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Shutter {
-    /// Time at which it opens.
+    /// Time at which it opens, in the unit of the file.
     pub open: f64,
-    /// Time at which it is closed, not before [`Self::open`]; equal: nothing moves.
+    /// Time at which it is closed, in the unit of the file, not before [`Self::open`]; equal: nothing moves.
     pub close: f64,
     /// Share of the time that it takes to open, and again to close, from 0 (at once) to 0.5 (it is never quite open).
     /// While it opens and closes, the light that it lets pass grows and falls linearly.

@@ -19,12 +19,13 @@ pub struct LoadOptions {
     /// Time at which animations are evaluated, in seconds. `None`: the scene as the file describes it, or the start of
     /// [`animation`](Self::animation) if that is set.
     pub at: Option<f32>,
-    /// The span of time that the picture shows, relative to [`at`](Self::at); `None`: that of the file, which for glTF is
-    /// one moment.
+    /// The span of time that the picture shows, relative to [`at`](Self::at); `None`: that of the file, which for glTF
+    /// and USD is one moment.
     pub shutter: Option<Shutter>,
     /// Name or number of the only animation to use. `None`: all; if several move the same thing, the first one.
     pub animation: Option<String>,
-    /// Name or number of the material variant to use.
+    /// The variant to use: for glTF the name or number of a variant of materials, for USD a choice such as
+    /// `/Car{color=red}`. `None`: that of the file.
     pub variant: Option<String>,
     /// Number of refinements of subdivision surfaces, from 0 (their polygons) to [`SUBDIVISION_MAX`]; `None`: 2 for
     /// meshes that name their scheme, and 0 for others.

@@ -15,7 +15,7 @@ pub struct PartNames {
     pub instances: Vec<[String; 2]>,
     /// Object and asset of each of [`Scene::spheres`].
     pub spheres: Vec<[String; 2]>,
-    /// Name of each of [`Scene::materials`]. Materials of one name are one to a mask.
+    /// Name of each of [`Scene::materials`]. A mask does not tell apart materials of the same name.
     pub materials: Vec<String>,
 }
 

@@ -16,13 +16,13 @@ pub struct SceneSummary {
     pub metadata: Metadata,
     /// BLAKE3 of all bytes that were read, hexadecimal.
     pub digest: String,
-    /// Meshes, in object space.
+    /// Number of meshes.
     pub mesh_count: usize,
     /// Number of placed meshes.
     pub instance_count: usize,
-    /// Triangles of all instances.
+    /// Number of triangles of all instances.
     pub triangle_count: u64,
-    /// Triangles in memory: those of an instanced mesh count once.
+    /// Number of triangles in memory: those of an instanced mesh count once.
     pub stored_triangle_count: u64,
     /// Number of spheres that are not triangulated.
     pub sphere_count: usize,
@@ -30,7 +30,7 @@ pub struct SceneSummary {
     pub moving_count: usize,
     /// Times at which the shutter opens and is closed, in the unit of the file.
     pub shutter: [f64; 2],
-    /// Least and greatest coordinates, world space.
+    /// Least and greatest coordinates of all shapes, world space.
     pub bounds: (Vec3, Vec3),
     /// Memory of meshes, instances and pictures, in bytes.
     pub memory_bytes: usize,

@@ -102,12 +102,12 @@ pub enum Error {
         /// The reason why the journal is unusable.
         source: JournalError,
     },
-    /// The record for the simulator cannot be made.
+    /// A record of a run, for the simulator, cannot be made or read.
     #[error("cannot use the record `{}`", printable_path(.path))]
     Record {
         /// The path of the record.
         path: PathBuf,
-        /// The reason why there is no record.
+        /// The reason why the record cannot be used.
         source: RecordError,
     },
     /// A text is not a valid request.

@@ -69,12 +69,12 @@ pub enum ExperienceFileError {
         /// The error of reading the earlier version.
         source: Box<Self>,
     },
-    /// The folder cannot be used.
+    /// The folder of the experience cannot be created or locked.
     #[error("{}: {source}", .folder.display())]
     Folder {
         /// The path of the folder.
         folder: PathBuf,
-        /// The error of the system.
+        /// The error of the operating system.
         source: io::Error,
     },
     /// The file cannot be written.

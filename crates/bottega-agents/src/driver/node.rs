@@ -65,7 +65,7 @@ pub struct NodeConfig {
     pub public: Option<String>,
     /// The store of the services. Nodes with the same entries serve one platform.
     pub store: Box<dyn EntryStore<String, usize> + Send>,
-    /// Maximum lease that the DF grants.
+    /// Maximum lease that the DF grants; `None`: any, including unlimited.
     pub lease_max: Option<Duration>,
     /// Directories of other platforms for federated searches.
     pub federates: Vec<AgentId>,
@@ -73,7 +73,7 @@ pub struct NodeConfig {
     pub administrators: Vec<AgentId>,
     /// Agents of other platforms that may change all entries. Their identity is not verified.
     pub trusted: Vec<AgentId>,
-    /// Agents of this platform in the white pages that are read-only, like its services.
+    /// Agents of this platform whose entries in the white pages are read-only, like those of its services.
     pub permanent: Vec<AgentId>,
     /// Formats passing messages for the trace.
     pub trace_line: TraceLine,

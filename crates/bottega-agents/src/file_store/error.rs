@@ -9,7 +9,7 @@ pub enum FileStoreError {
     /// The file is not a store, or of another version.
     #[error("this is not the file of a store, or it has another version")]
     Magic,
-    /// A limit on the size is exceeded.
+    /// The key, the value or all entries together exceed the store's limit in bytes, or the key is empty.
     #[error("too large for the store")]
     TooLarge,
 }

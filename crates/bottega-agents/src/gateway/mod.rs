@@ -82,7 +82,7 @@ impl CarriesForeign for PlainContent {
 pub enum ChannelEffect {
     /// Send this to another platform. Failure is reported by [`ChannelReport::Failed`].
     Send(Box<Outbound>),
-    /// A message has passed; for observers.
+    /// The gateway has handled a message; for observers.
     Passed(Passage),
 }
 
@@ -128,14 +128,14 @@ impl Way {
     }
 }
 
-/// A message that passed the gateway, with its time, way and receiver.
+/// A message that the gateway delivered, sent, dropped or could not send, with its time, way and receiver.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Passage {
-    /// The time at which the message passed.
+    /// The time at which the gateway handled the message, on the platform's clock.
     pub time: Time,
     /// The way that the message took.
     pub way: Way,
-    /// The name of the receiver.
+    /// The receiver. Each receiver of a message has a passage of its own.
     pub to: AgentId,
     /// The message, with its content.
     pub message: Arc<WireMessage>,

@@ -44,7 +44,7 @@ pub struct AmsConfig {
     pub addresses: Vec<String>,
     /// `true`: agents that start in this process are registered automatically.
     pub enters_residents: bool,
-    /// Agents exempt from that: they exist briefly while the process ends.
+    /// Agents that [`Self::enters_residents`] does not register: they exist briefly, while the process ends.
     pub unlisted: Vec<AgentId>,
 }
 

@@ -35,11 +35,11 @@ pub enum ManagementContent {
     Failed(Function, FailureReason),
     /// In an inform: the function was executed, with this outcome.
     Done(Function, Outcome),
-    /// In a request of the AMS to an agent.
+    /// In a request of the AMS to an agent: suspend, resume or end.
     LifeCycle(LifeCycleRequest),
     /// In an inform of an agent to the AMS: the request was carried out.
     LifeCycleDone(LifeCycleRequest),
-    /// In a not-understood.
+    /// In a not-understood: the reason why a message was not understood.
     NotUnderstood(NotUnderstoodReason),
     /// In a subscribe: report all matching offers, now and in the future.
     Subscription(DfAgentDescription, SearchConstraints),
@@ -78,9 +78,9 @@ pub enum Function {
     GetDescription,
     /// DF: register the services of an agent.
     Register(DfAgentDescription),
-    /// DF: deregister them; the name suffices.
+    /// DF: deregister the services of an agent; the agent's name suffices.
     Deregister(DfAgentDescription),
-    /// DF: replace them; also renews the lease.
+    /// DF: replace the services of an agent; also renews the lease.
     Modify(DfAgentDescription),
     /// DF: find matching offers.
     Search(DfAgentDescription, SearchConstraints),
@@ -97,13 +97,13 @@ pub enum Outcome {
     Done,
     /// The entry made by the DF, whose lease may be shorter than requested.
     Entered(DfAgentDescription),
-    /// The agents found.
+    /// The agents that an AMS found.
     Agents(Vec<AmsAgentDescription>),
-    /// The offers found.
+    /// The offers of agents that a DF found.
     Offers(Vec<DfAgentDescription>),
     /// The description of this platform.
     Platform(PlatformDescription),
-    /// The service root.
+    /// The service root: the descriptions of all basic services.
     ServiceRoot(Vec<ServiceEntry>),
 }
 
@@ -213,7 +213,7 @@ pub struct Property {
 /// The limits of a search in the white or yellow pages.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SearchConstraints {
-    /// Maximum number of hops to other directories; 0 or absent: this one only.
+    /// Maximum number of hops to other directories; 0 or absent: this one only; negative: unlimited.
     pub max_depth: Option<i64>,
     /// Maximum number of results; negative: unlimited. Absent: 1.
     pub max_results: Option<i64>,

@@ -18,13 +18,13 @@ pub struct Call<C> {
     pub initiator: AgentId,
     /// The agents called.
     pub participants: Vec<AgentId>,
-    /// The task to give away.
+    /// The task to award.
     pub content: C,
     /// The language of the content.
     pub language: &'static str,
     /// The ontology of the content.
     pub ontology: &'static str,
-    /// Unique among the calls of the initiator.
+    /// The number of the conversation, unique among the calls of the initiator.
     pub conversation_id: u64,
     /// The deadline of proposals. An agent without a proposal by then has refused.
     pub reply_by: Time,

@@ -6,9 +6,9 @@ pub enum WireError {
     /// A limit is exceeded.
     #[error("too many {what}: at most {max}")]
     TooMany {
-        /// The kind of items.
+        /// The kind of items, such as `bytes` or `elements`.
         what: &'static str,
-        /// The greatest length that is accepted.
+        /// The greatest number of items that is accepted.
         max: usize,
     },
     /// A syntax error.

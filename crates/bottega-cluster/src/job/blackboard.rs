@@ -29,7 +29,7 @@ pub enum RowUpdate {
     Row(Box<Event>),
     /// All existing rows have been reported.
     CaughtUp,
-    /// No change for a while.
+    /// Nothing that concerns these rows, or no change for some time.
     Nothing,
 }
 

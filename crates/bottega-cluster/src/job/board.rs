@@ -55,7 +55,7 @@ pub struct Lead {
     /// Predicted remaining time in seconds, if known.
     #[serde(default)]
     pub seconds_left: Option<f64>,
-    /// True if a preview of it exists.
+    /// True if a preview of the picture exists.
     #[serde(default)]
     pub seen: bool,
     /// True if zones wait for more machines, so that their results can be compared.

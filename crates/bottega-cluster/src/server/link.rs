@@ -38,13 +38,13 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(1);
 /// The credentials for NATS servers of other operators.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Credentials {
-    /// A `.creds` file.
+    /// The path of a `.creds` file.
     pub creds: Option<PathBuf>,
-    /// A file with the seed of an NKey.
+    /// The path of a file with the seed of an NKey.
     pub nkey: Option<PathBuf>,
-    /// Certificates of authorities, in addition to those of the system (PEM).
+    /// The path of a file with certificates of authorities, in addition to those of the system (PEM).
     pub tls_ca: Option<PathBuf>,
-    /// The client certificate of this machine, and its key (PEM).
+    /// The paths of this machine's client certificate and of its private key (PEM).
     pub tls_own: Option<(PathBuf, PathBuf)>,
 }
 
@@ -54,7 +54,7 @@ pub struct FarmLink {
     pub uplink: Arc<NatsUplink<FarmCodec>>,
     /// The unique name of the process.
     pub name: String,
-    /// The addresses of the servers.
+    /// The addresses of the servers, for display.
     pub servers: String,
 }
 

@@ -85,7 +85,7 @@ impl ServerSupervisor {
         }
     }
 
-    /// Returns the storage limit of the server, for display.
+    /// Returns a sentence for display: the folder in which the server stores its data, and the limit if there is one.
     pub(crate) fn room_said(&self) -> String {
         let folder = self.folder.display();
         match self.limit {

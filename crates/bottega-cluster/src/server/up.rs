@@ -51,7 +51,7 @@ pub struct UpOptions {
     pub listen: Option<SocketAddr>,
     /// The folder for jobs and pixels; none: a folder in the user's state.
     pub state: Option<PathBuf>,
-    /// The most that is stored there, in bytes; none: the free space of its disk but for a reserve.
+    /// The most that is stored there, in bytes; none: the free space of its disk except a reserve.
     pub store_bytes: Option<u64>,
     /// The path of `nats-server`; none: the installed one.
     pub server: Option<PathBuf>,
@@ -179,7 +179,7 @@ impl Host {
         self.board.uplink.server_version().to_string()
     }
 
-    /// Returns the storage limit of the server, for display.
+    /// Returns a sentence for display: the folder in which the server stores its data, and the limit if there is one.
     pub fn room_said(&self) -> String {
         self.supervisor.room_said()
     }

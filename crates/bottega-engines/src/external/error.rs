@@ -91,7 +91,7 @@ pub enum EngineFault {
     /// The engine started too many processes.
     #[error("it was ended: it had more than {most} processes")]
     Processes {
-        /// The most processes.
+        /// The largest number of processes that the engine may have.
         most: usize,
     },
     /// The engine's worker violates the protocol.

@@ -18,7 +18,7 @@ pub struct RoundSummary {
     pub bids: u32,
     /// Number of zones, or pieces of zones, awarded.
     pub awards: u32,
-    /// Number of zones that another bidder finishes sooner than the one that needed a zone first, and so got.
+    /// Number of zones awarded to another bidder than the one that chose them, because it finishes them sooner.
     pub outbid: u32,
     /// True if the awards differ from those of a round that believes all promises equally.
     pub credit_decided: bool,
@@ -49,9 +49,9 @@ pub struct AuctionTally {
     pub rounds: u64,
     /// Number of rounds with several bidders.
     pub contested: u64,
-    /// Number of zones that another bidder finished sooner than the one that needed a zone first, and so got.
+    /// Number of zones awarded to another bidder than the one that chose them, because it finished them sooner.
     pub outbid: u64,
-    /// Number of rounds whose awards differ from those with all promises believed alike.
+    /// Number of rounds whose awards differ from those of a round that believes all promises equally.
     pub credit_decided: u64,
     /// Number of proposals, over all rounds.
     pub bidders: u64,
@@ -61,7 +61,7 @@ pub struct AuctionTally {
     pub awards: u64,
     /// Number of times that an agent took zones from another.
     pub thefts: u64,
-    /// Number of zones taken so.
+    /// Number of zones taken in these thefts, including pieces.
     pub stolen: u64,
 }
 

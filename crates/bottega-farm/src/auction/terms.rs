@@ -71,7 +71,8 @@ pub struct Bidder {
     pub credit: f64,
     /// The factor on the bidder's promises, from its reliability: 1 if it kept them, 0.5 if zones took twice as long.
     pub worth: f64,
-    /// Own seconds per second of the reference machine, with all its processors together, as it reports them.
+    /// Seconds that all processors of the bidder together need for one second of work of the reference machine, as it
+    /// reports them.
     pub own: f64,
     /// The number of zones that it lacks to have as many as it works on at once.
     pub needs: u32,
@@ -107,8 +108,8 @@ pub struct BidderStanding<'a> {
 pub struct Decision {
     /// The awards, one per winner and zone.
     pub awards: Vec<Award>,
-    /// Number of zones that another bidder finishes sooner than the one that chose them.
+    /// Number of zones awarded to another bidder than the one that chose them, because it finishes them sooner.
     pub outbid: u32,
-    /// True if the awards differ from those with all promises believed alike.
+    /// True if the awards differ from those of a round that believes all promises equally.
     pub credit_decided: bool,
 }

@@ -26,16 +26,17 @@ pub struct ZoneRow {
     pub complexity: f64,
     /// Neighbor Difference, in average pixels per pixel.
     pub neighbor_difference: NeighborDifference,
-    /// T_est: expected time of the remaining samples. Before profiling a prediction for all samples, from the survey
-    /// and earlier works; afterwards from the measured first samples.
+    /// T_est: expected time of the remaining samples, in reference-machine time. Before profiling a prediction for all
+    /// samples, from the survey and earlier works; afterwards from the measured first samples. `None`: no prediction.
     pub time_estimated: Option<Duration>,
-    /// The paper's T_real: the measured time of the painted samples; `None`: nothing but the profile is painted.
+    /// The paper's T_real: the measured time of the zone's last painting, in reference-machine time. `None`: nothing is
+    /// painted but the profile, and the goal is not a time.
     pub time_measured: Option<Duration>,
     /// The agent that is, or was last, responsible for the zone; `None`: none was yet.
     pub agent: Option<AgentId>,
     /// The state of the zone, from unprofiled to done.
     pub state: ZoneState,
-    /// Number of times that the zone was taken from an agent that failed or fell silent.
+    /// Number of times that the zone was taken from an agent that failed or stopped responding.
     pub attempt: u32,
     /// The settings: chosen at profiling, and again by the winner of the auction if its rules decide. `None`: not yet chosen.
     pub choice: Option<Choice>,
@@ -107,7 +108,7 @@ pub enum ZoneState {
 pub struct Vote {
     /// The name of the agent.
     pub agent: AgentId,
-    /// The painting for which the agent stands.
+    /// The painting that the agent reports.
     pub painting: Painting,
 }
 

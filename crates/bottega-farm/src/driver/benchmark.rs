@@ -49,9 +49,9 @@ impl MachineSpeed {
 
 /// The clocks that a benchmark reads.
 pub struct BenchmarkClocks<N, P> {
-    /// The time of day, from any start.
+    /// A function that returns the clock time since a fixed moment.
     pub now: N,
-    /// The processor time of the calling thread; `None`: the system does not report it.
+    /// A function that returns the processor time of the calling thread; `None`: the system does not report it.
     pub processor: P,
 }
 

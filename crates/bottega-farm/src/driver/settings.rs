@@ -166,9 +166,9 @@ pub enum JobError {
     Crop {
         /// The crop window.
         crop: Rect,
-        /// Width of the picture.
+        /// Width of the picture, in pixels.
         width: u32,
-        /// Height of the picture.
+        /// Height of the picture, in pixels.
         height: u32,
     },
     /// A number is out of range.

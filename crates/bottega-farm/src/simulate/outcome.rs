@@ -29,7 +29,7 @@ pub struct SimulationOutcome {
     pub messages: u64,
     /// Number of films begun: one per life of the Master.
     pub films: u32,
-    /// The rounds of the auction, as they ended.
+    /// The rounds of the auction, in the order in which they ended.
     pub rounds: Vec<RoundSummary>,
     /// The thefts, in order.
     pub thefts: Vec<Theft>,
@@ -50,7 +50,7 @@ pub struct SimulationOutcome {
 pub struct AgentOutcome {
     /// The name of the agent.
     pub name: String,
-    /// Speed of the agent's processors.
+    /// Speed of each of the agent's processors: 1 is the measured machine, 2 is twice as fast.
     pub speed: f64,
     /// The agent's share of the processors of its machine, in processors.
     pub lanes: f64,

@@ -45,7 +45,7 @@ pub struct Record {
     pub shared_preparation: Duration,
     /// Number of stages of the shared preparation, each of which waits for the one before.
     pub shared_stages: u32,
-    /// Time of composition.
+    /// Clock time of composing zones, summed over all zones.
     pub composition: Duration,
 }
 
@@ -100,9 +100,9 @@ impl RecordedRules {
 pub struct RecordedZone {
     /// The zone's own pixels, without the band.
     pub rect: Rect,
-    /// Predicted cost, in average pixels.
+    /// Predicted cost of the zone's pixels, in average pixels of the frame.
     pub complexity: f64,
-    /// The Neighbor Difference.
+    /// Difference in cost per pixel from the neighbors, in average pixels per pixel.
     pub neighbor_difference: NeighborDifference,
     /// The settings with which the zone was painted.
     pub choice: Choice,

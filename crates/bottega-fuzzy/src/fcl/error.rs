@@ -70,7 +70,7 @@ pub enum FclErrorKind {
     /// An undeclared name.
     #[error("there is no {what} `{name}`{}", did_you_mean(.suggestion))]
     Unknown {
-        /// The kind of thing expected.
+        /// The kind of name that is expected, as text.
         what: String,
         /// The undeclared name.
         name: String,

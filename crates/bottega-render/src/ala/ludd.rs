@@ -60,7 +60,8 @@ struct MapSamples {
 /// The sphere around a point, in which samples are compared.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LocalSphere {
-    /// Sphere of this radius, as a share of the visible radius: measures the light's variation over a distance.
+    /// Sphere of this radius, as a share of the radius of the visible part of the scene: measures the light's variation
+    /// over a distance.
     Radius(f32),
     /// Sphere that contains this many samples, at most [`NEAREST_MAX`](crate::photon::NEAREST_MAX): the N of equation
     /// 1.
@@ -329,7 +330,8 @@ pub enum Dot {
     Nothing,
     /// No sample is near.
     Free,
-    /// A sample; the length of its value by the last criterion.
+    /// A sample, with the length of its value by the last criterion; in a drawing of agents, an agent or a link, with
+    /// its answer as for [`network_dots`](super::network_dots).
     Sample(f32),
 }
 

@@ -8,15 +8,15 @@ use std::{
 /// The report of a picture's lighting agents: their number, their cost, and the answers that they gave.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AgentReport {
-    /// Agents that were cast.
+    /// Number of agents that were cast.
     pub cast: u32,
-    /// Agents that are stored, including clones and scouts.
+    /// Number of agents that are stored, including clones and scouts.
     pub agents: u64,
-    /// Clones: agents behind the first surface.
+    /// Number of clones: agents behind the first surface.
     pub clones: u64,
-    /// Sensors by kind: geometry, proximity, penumbra, irradiance.
+    /// Number of sensors of each kind: geometry, proximity, penumbra, irradiance.
     pub sensors: [u64; 4],
-    /// Links of the proximity network.
+    /// Number of links of the proximity network.
     pub links: u64,
     /// Number of agents that answer "lit", "shaded" and "trace a shadow ray".
     pub answers: [u64; 3],
@@ -27,24 +27,24 @@ pub struct AgentReport {
     /// Share of the caustic photons that the camera sees: sent without the importance of lookouts, and with it; in [0,
     /// 1]. `None`: lookouts are not used, or there are no caustics.
     pub caustics_seen: Option<[f64; 2]>,
-    /// Duration of casting.
+    /// Time that casting took.
     pub casting: Duration,
-    /// Duration of sensing.
+    /// Time that sensing took.
     pub sensing: Duration,
-    /// Answers given so far.
+    /// Counts of the answers given so far.
     pub tally: Tally,
 }
 
 /// Counts of the answers of lighting agents: work that was done, and work that they made unnecessary.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Shadow rays that were traced.
+    /// Number of shadow rays that were traced.
     pub shadow_traced: u64,
-    /// Shadow rays that agents made unnecessary.
+    /// Number of shadow rays that agents made unnecessary.
     pub shadow_spared: u64,
-    /// Points whose indirect light was gathered.
+    /// Number of points whose indirect light was gathered.
     pub irradiance_computed: u64,
-    /// Points whose indirect light was interpolated between agents.
+    /// Number of points whose indirect light was interpolated between agents.
     pub irradiance_interpolated: u64,
 }
 

@@ -98,7 +98,7 @@ record! {
         pub translation: Vec3,
         /// Transformation of normals from object to world space: the inverse transpose.
         pub world_from_normal: Mat3,
-        /// Offset of the mesh.
+        /// Offset of the [`MeshRecord`].
         pub mesh: u32,
         /// Index of the first triangle among the emitting ones; [`NONE`](super::NONE) if the mesh does not emit.
         pub first_light: u32,
@@ -130,9 +130,9 @@ record! {
     pub struct SphereRecord in 12 {
         /// Centre in world space.
         pub center: Vec3,
-        /// Radius, above 0.
+        /// Radius, above 0, in scene units.
         pub radius: f32,
-        /// Rotation, as a unit quaternion.
+        /// Rotation from object space to world space, as a unit quaternion.
         pub world_from_object: Vec4,
         /// Index of the sphere's material.
         pub material: u32,
@@ -185,7 +185,7 @@ record! {
         pub kind: u32,
         /// Position in world space.
         pub position: Vec3,
-        /// Intensity per channel.
+        /// Radiant intensity per channel, in W·sr⁻¹.
         pub intensity: Vec3,
     }
 }
@@ -241,7 +241,7 @@ record! {
     pub struct ParallelRecord {
         /// Direction to the light, unit length.
         pub to_light: Vec3,
-        /// Irradiance of a surface that faces the light.
+        /// Irradiance of a surface that faces the light, in W·m⁻².
         pub irradiance: Vec3,
         /// Luminance of the irradiance.
         pub illuminance: f32,
@@ -356,9 +356,9 @@ record! {
         pub cone_width: f32,
         /// Growth of the cone's width per unit of distance.
         pub cone_spread: f32,
-        /// Distance of the near plane.
+        /// Distance of the near plane along the camera's axis, in scene units.
         pub near: f32,
-        /// Distance of the far plane.
+        /// Distance of the far plane along the camera's axis, in scene units.
         pub far: f32,
     }
 }

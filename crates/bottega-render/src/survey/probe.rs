@@ -25,7 +25,7 @@ pub struct SurveyPixel {
     pub noise: f32,
     /// Reflectance of the first surface.
     pub albedo: [f32; 3],
-    /// Distance to the first surface; 0: none.
+    /// Distance to the first surface, in scene units; 0: none.
     pub depth: f32,
     /// Vertices per path.
     pub path_length: f32,

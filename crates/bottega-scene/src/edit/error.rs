@@ -47,10 +47,10 @@ impl fmt::Display for EntryKind {
 /// The reason why an edit was refused. The scene is as it was before.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EditError {
-    /// There is nothing with this key.
+    /// There is no entry with this key.
     #[error("there is no {kind} `{key}`; {}", listed(*kind, known))]
     Unknown {
-        /// The kind of thing.
+        /// The kind of the entry.
         kind: EntryKind,
         /// The unknown key.
         key: String,
@@ -60,7 +60,7 @@ pub enum EditError {
     /// The key is used already.
     #[error("the {kind} `{key}` exists already; choose another key, or replace it by assignment")]
     Taken {
-        /// The kind of thing.
+        /// The kind of the entry.
         kind: EntryKind,
         /// The key that exists already.
         key: String,
@@ -68,13 +68,13 @@ pub enum EditError {
     /// The key is empty.
     #[error("the {kind} has an empty key; choose a name")]
     NoKey {
-        /// The kind of thing.
+        /// The kind of the entry.
         kind: EntryKind,
     },
-    /// Something else refers to it.
+    /// Another entry refers to the one to be removed or changed.
     #[error("the {kind} `{key}` is used by the {user}; remove or change that first")]
     InUse {
-        /// The kind of thing.
+        /// The kind of the entry.
         kind: EntryKind,
         /// The key of the entry that is in use.
         key: String,
@@ -96,7 +96,7 @@ pub enum EditError {
     /// A value cannot be rendered.
     #[error("the {kind} `{key}`: {problem}")]
     Value {
-        /// The kind of thing.
+        /// The kind of the entry.
         kind: EntryKind,
         /// The key of the entry.
         key: String,

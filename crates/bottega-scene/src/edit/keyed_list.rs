@@ -19,7 +19,7 @@ pub(super) struct KeyedList<T> {
 pub enum PutMode {
     /// The key must be new.
     New,
-    /// Inserts a value under a key. Replaces the value that has the key already, if any.
+    /// The key may exist: its value is replaced.
     AddOrReplace,
 }
 

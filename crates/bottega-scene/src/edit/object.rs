@@ -15,8 +15,9 @@ pub struct PlacedObject {
     pub mesh: String,
     /// Object space to world space of each instance; may mirror.
     pub transforms: Vec<Affine3A>,
-    /// The transformations at later keys, if the object moves: times, ascending, each with one transformation for each
-    /// instance. At the first key, `transforms` should be the same.
+    /// Keys of the motion, if the object moves: times, ascending, in the unit of the shutter's times, each with one
+    /// transformation from object space to world space for each instance. `transforms` should be those at the time when
+    /// the shutter opens.
     pub motion: Vec<(f64, Vec<Affine3A>)>,
     /// Keys of materials in place of the mesh's, by slot. A slot beyond them keeps the mesh's.
     pub materials: Vec<String>,

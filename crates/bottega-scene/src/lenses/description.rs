@@ -36,19 +36,19 @@ pub struct LensDescription {
 /// The reason why a [`LensDescription`] cannot become a [`LensSystem`](super::LensSystem).
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum LensError {
-    /// No surfaces, or too many.
+    /// The number of surfaces is 0 or above [`LENS_SURFACES_MAX`].
     #[error("{0} surfaces: 1 to {LENS_SURFACES_MAX} are allowed")]
     Count(usize),
-    /// A surface with a number out of range.
+    /// A number of the surface with this index is out of range.
     #[error("surface {0} has a number that is out of range")]
     Surface(usize),
-    /// No film.
+    /// The diagonal of the film is not above 0.
     #[error("the diagonal of the film is not above 0")]
     Film,
     /// Light from afar leaves the lenses divergent.
     #[error("the lenses do not collect light")]
     Diverging,
-    /// A plane that the film cannot be moved to be in focus of.
+    /// No place of the film brings a plane at this distance, in scene units, into focus.
     #[error("a plane {0} scene units from the film cannot be in focus")]
     Focus(f32),
     /// No ray from the film leaves the lenses.

@@ -18,7 +18,7 @@ use crate::grid::Grid;
 pub struct Voxels {
     /// Factor of absorption and scattering.
     pub density: Grid,
-    /// Temperatures; `None`: the file has no such grid, or they are 0 everywhere.
+    /// Temperatures, in the unit of the file; `None`: the file has no such grid, or they are 0 everywhere.
     pub temperatures: Option<Grid>,
     /// Unit cube of the grids to the space of the file.
     pub file_from_cube: DAffine3,

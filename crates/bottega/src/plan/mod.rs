@@ -43,7 +43,7 @@ pub struct Plan {
     pub job: JobSettings,
     /// The devices that the request allows.
     pub devices: DeviceChoice,
-    /// The most memory of a GPU that may be used, in bytes; `None`: no limit.
+    /// The most memory for scenes on each GPU, in bytes; `None`: nearly all free memory.
     pub gpu_memory: Option<u64>,
     /// Largest number of work units that wait for a processor or device; `None`: chosen by their speed.
     pub bin: Option<NonZeroU32>,

@@ -18,7 +18,7 @@ const LEAST_PAINTING: Duration = Duration::from_millis(20);
 pub enum PicturePart<'a> {
     /// The whole picture, alone or with a farm.
     Whole {
-        /// The start of the time limit.
+        /// The moment from which the time limit counts.
         begun: Instant,
         /// The urgency of the picture.
         urgency: Urgency,

@@ -17,14 +17,14 @@ const BOARD: &str = "tcp://";
 /// The reason why names of devices cannot be chosen. Its text says which names are allowed.
 #[derive(Clone, Debug, PartialEq, Eq, ThisError)]
 pub enum DeviceNamesError {
-    /// A name is empty, or `auto` stands beside others.
+    /// No name is given, a name is empty, or `auto` is given with other names.
     #[error(
         "`{auto}`, or names with commas between them: `{cpu}`, parts of GPUs' names, tcp://HOST:PORT of boards",
         auto = AUTO,
         cpu = PROCESSORS
     )]
     Names,
-    /// Boards stand without the processors.
+    /// Boards are named without `cpu`, the processors.
     #[error("`{cpu}` beside boards, which trace rays but do not shade", cpu = PROCESSORS)]
     NoProcessors,
     /// The address of a board cannot be used.

@@ -330,10 +330,10 @@ impl FilmOptions {
 /// The reason why a picture cannot have a size. Its text says which sizes are allowed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ThisError)]
 pub enum SizeError {
-    /// A side is empty or too long.
+    /// Width or height is 0, or above [`SIDE_MAX`].
     #[error("each side must be from 1 to {most}", most = SIDE_MAX)]
     Side,
-    /// The rendered part has too many pixels.
+    /// The rendered part has more than [`PIXELS_MAX`] pixels.
     #[error("more than {most} pixels: paint a smaller picture, or parts of one with a crop", most = PIXELS_MAX)]
     Pixels,
 }

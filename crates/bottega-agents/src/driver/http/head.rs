@@ -2,7 +2,7 @@
 
 use super::HEAD_BYTES_MAX;
 
-/// The reason why a request is rejected, with its status.
+/// The reason why a request is rejected, with its status; or why a response cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum HttpError {
     /// 400: the request is malformed.
@@ -14,7 +14,7 @@ pub enum HttpError {
     /// 405: the method is not supported for this path.
     #[error("this path does not support the method")]
     Method,
-    /// 411: the length is missing.
+    /// 411: the length of the body is not given by Content-Length.
     #[error("a length is needed")]
     Length,
     /// 413: the request is too large.

@@ -54,7 +54,7 @@ pub enum NatsError {
     /// Nobody answers the request for enrolment.
     #[error("no process admits machines to the farm: {reason}")]
     NobodyAnswers {
-        /// The server's message.
+        /// The error received instead of an answer.
         reason: String,
     },
     /// The server does not confirm that it has reloaded its configuration.

@@ -285,16 +285,17 @@ async fn post(client: Client, mut mail: mpsc::Receiver<(String, Vec<u8>)>) {
     }
 }
 
-/// The traffic over a link, including the server's answers, without the overhead of the NATS protocol.
+/// The traffic over a link since it was opened, including the server's answers, without the overhead of the NATS
+/// protocol.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
-    /// Messages to the server.
+    /// Number of messages to the server.
     pub messages_out: u64,
-    /// Messages from the server.
+    /// Number of messages from the server.
     pub messages_in: u64,
-    /// Bytes to the server.
+    /// Number of bytes to the server.
     pub bytes_out: u64,
-    /// Bytes from the server.
+    /// Number of bytes from the server.
     pub bytes_in: u64,
 }
 

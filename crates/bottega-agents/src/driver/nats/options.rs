@@ -39,9 +39,9 @@ pub enum Login {
     Token(String),
     /// User name and password.
     User(String, String),
-    /// The seed of a key pair.
+    /// The seed of an NKey, a key pair of NATS.
     NKey(String),
-    /// A file with credentials.
+    /// The path of a `.creds` file of NATS.
     Credentials(PathBuf),
 }
 
@@ -52,9 +52,9 @@ pub struct Tls {
     pub is_required: bool,
     /// The only accepted certificate of the server; `None`: one signed by a known authority.
     pub pin: Option<Pin>,
-    /// Certificates of authorities in addition to those of the system.
+    /// The path of a file with certificates of authorities, in addition to those of the system (PEM).
     pub authorities: Option<PathBuf>,
-    /// Certificate and key of the client.
+    /// The paths of the client's certificate and of its private key (PEM).
     pub own: Option<(PathBuf, PathBuf)>,
 }
 

@@ -12,9 +12,9 @@ pub(super) const NEWCOMER: &str = "NEWCOMER";
 /// The subjects that a client may publish and subscribe to.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Rights {
-    /// Subjects to publish.
+    /// Patterns of the subjects to which the client may publish.
     pub publish: Vec<String>,
-    /// Subjects to subscribe to.
+    /// Patterns of the subjects to which the client may subscribe.
     pub subscribe: Vec<String>,
 }
 

@@ -57,9 +57,10 @@ pub struct PlatformOptions {
     pub federates: Vec<AgentId>,
     /// The longest lease that the platform's DF grants; none: no limit.
     pub lease_max: Option<Duration>,
-    /// Agents of other platforms that may change things.
+    /// Agents of other platforms that may change all entries of the directories, and may command jobs and machines.
+    /// Their identity is not verified.
     pub trusted: Vec<AgentId>,
-    /// Logs a line for each message that passes.
+    /// Formats the trace line of each message that the platform handles.
     pub trace_line: TraceLine,
     /// The encoding of first messages to agents that have not written before.
     pub first_forms: FirstForms,
