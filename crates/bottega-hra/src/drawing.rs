@@ -117,9 +117,9 @@ fn draw_row(svg: &mut String, resource: &ResourceReport, y: f64, scale: &TimeSca
 
 /// Returns what tuning chose for a resource as readable text: the sizes of packets, and the window of a far one.
 fn tuning(packets: &PacketUse) -> String {
-    let window = packets.round_trip.map_or_else(String::new, |time| {
-        format!(", {} in flight, {:.1} ms", packets.window, 1e3 * time.as_secs_f64())
-    });
+    let window = packets
+        .round_trip
+        .map_or_else(String::new, |time| format!(", {} in flight, {:.1} ms", packets.window, 1e3 * time.as_secs_f64()));
     format!("{} packets, {:.1} units each{window}", packets.packets, packets.mean_units())
 }
 

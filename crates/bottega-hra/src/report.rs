@@ -6,7 +6,8 @@ use crate::policy::bin_log::BinReport;
 use crate::policy::core::Core;
 use crate::policy::time::Time;
 use crate::{
-    Activity, CableUse, CostBook, CostModel, Expiries, Incident, PacketUse, Primitive, ResourceDescriptor, ResourceId, Span,
+    Activity, CableUse, CostBook, CostModel, Expiries, Incident, PacketUse, Primitive, ResourceDescriptor, ResourceId,
+    Span,
 };
 
 /// The report of an allocator: its state at one moment, and its work so far.

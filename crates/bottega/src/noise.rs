@@ -162,7 +162,8 @@ impl NoiseSums {
         let light = |moments: &[Moments]| moments.iter().map(|it| f64::from(it.mean(count))).sum::<f64>();
         let pixels = means.len().max(1) as f64;
         // Shares of kinds, of the sums over all kinds
-        let of_kinds: Vec<[f64; 3]> = self.by_kind.iter().map(|it| [light(it), total(it, &relative), total(it, &shown)]).collect();
+        let of_kinds: Vec<[f64; 3]> =
+            self.by_kind.iter().map(|it| [light(it), total(it, &relative), total(it, &shown)]).collect();
         let whole = |part: usize| of_kinds.iter().map(|it| it[part]).sum::<f64>().max(f64::MIN_POSITIVE);
         let whole = [whole(0), whole(1), whole(2)];
         let kind = |(kind, of): (&PathKind, &[f64; 3])| KindNoise {

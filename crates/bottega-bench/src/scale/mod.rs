@@ -21,7 +21,9 @@ use crate::{
 
 /// Time and memory over the size of the work: triangles, lights, textures, pixels, samples, zones, simulated agents.
 #[derive(Clone, Debug, Args)]
-#[command(after_help = "For example:\n  bottega-bench scale -o scale/\n  bottega-bench scale --axis triangles,lights --small")]
+#[command(
+    after_help = "For example:\n  bottega-bench scale -o scale/\n  bottega-bench scale --axis triangles,lights --small"
+)]
 pub(crate) struct ScaleOptions {
     /// What grows, with commas between; default: everything.
     #[arg(long = "axis", value_name = "AXIS", value_delimiter = ',')]

@@ -53,7 +53,10 @@ fn draw(svg: &mut Svg, curve: &Curve, [left, top]: [f64; 2]) {
     let exponent = curve.exponent.map_or("?".to_owned(), |exponent| format!("{exponent:.2}"));
     svg.text([left, top - 20.0], "", format_args!("{}, by {}", curve.quantity, curve.axis));
     svg.text([left, top - 6.0], "fill=\"#666\"", format_args!("expected {}; measured exponent {exponent}", curve.law));
-    svg.put(format_args!("<path d=\"M{left:.1} {top:.1}V{bottom:.1}H{:.1}\" fill=\"none\" stroke=\"#999\"/>", left + SIDE));
+    svg.put(format_args!(
+        "<path d=\"M{left:.1} {top:.1}V{bottom:.1}H{:.1}\" fill=\"none\" stroke=\"#999\"/>",
+        left + SIDE
+    ));
     for (power, y) in [(up.low, bottom), (up.high, top + 8.0)] {
         svg.text([left - 4.0, y], "text-anchor=\"end\"", format_args!("1e{power:.0}"));
     }

@@ -4,7 +4,8 @@ use std::{sync::Arc, time::Instant};
 
 use bottega_render::{PathSettings, PrepareOptions, PreparedScene};
 use bottega_scene::{
-    Camera, ColorParam, Diffuse, Environment, Image, ImageId, Material, Mesh, Projection, Scene, Spectrum, Surface, TextureMap,
+    Camera, ColorParam, Diffuse, Environment, Image, ImageId, Material, Mesh, Projection, Scene, Spectrum, Surface,
+    TextureMap,
 };
 use glam::{Vec2, Vec3};
 
@@ -30,7 +31,8 @@ impl Picture {
         let prepared = Arc::new(PreparedScene::new(Arc::new(scene), &options)?);
         let prepare = begun.elapsed().as_secs_f64();
         // What agents learn has a cost of its own, which other measurements show.
-        let settings = PathSettings { guiding: false, agents: Default::default(), max_depth: 4, ..PathSettings::default() };
+        let settings =
+            PathSettings { guiding: false, agents: Default::default(), max_depth: 4, ..PathSettings::default() };
         let (_, time) = paint_zone((&prepared, &Arc::default()), (side, side), settings, threads, samples)?;
         Ok([prepare, time.as_secs_f64(), prepared.memory_bytes() as f64 / 1e6])
     }
@@ -43,11 +45,7 @@ fn empty() -> Scene {
         projection: Projection::Perspective { vertical_fov: 0.9 },
         ..Camera::default()
     };
-    Scene {
-        environment: Some(Environment::uniform(Spectrum::splat(0.1))),
-        cameras: vec![camera],
-        ..Scene::default()
-    }
+    Scene { environment: Some(Environment::uniform(Spectrum::splat(0.1))), cameras: vec![camera], ..Scene::default() }
 }
 
 /// Adds a grid of squares over [-5, 5]², with a height.

@@ -23,7 +23,8 @@ pub(super) fn draw(
     subject: &AnalyzedScene,
     drawn: &mut PictureFolder<'_>,
 ) -> Result<Noise, CliError> {
-    let noise = measure_noise(&subject.subject, args.noise_spp, args.noise.unwrap_or_default(), threads(&subject.request))?;
+    let noise =
+        measure_noise(&subject.subject, args.noise_spp, args.noise.unwrap_or_default(), threads(&subject.request))?;
     // One scale for all images, so that they can be compared
     let white = (4.0 * noise.relative.sqrt() as f32).max(1e-3);
     let heat = |values: &[f32]| Canvas::heat_map(noise.width, noise.height, values, white, ColorMap::Inferno);
@@ -33,7 +34,9 @@ pub(super) fn draw(
         let (name, meaning) = match finder {
             LightFinder::Sample => ("noise-light-samples", "of light samples"),
             LightFinder::Scattering => ("noise-scattered-rays", "of scattered rays that hit lights"),
-            LightFinder::Mirror => ("noise-mirrors-and-glass", "of rays over mirrors and through glass that hit lights"),
+            LightFinder::Mirror => {
+                ("noise-mirrors-and-glass", "of rays over mirrors and through glass that hit lights")
+            }
         };
         drawn.put(name, &heat(values), &format!("the part {meaning}, on the same scale"))?;
     }

@@ -15,8 +15,21 @@ fn rows_of_one_process_are_followed_over_its_page() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("a.png");
     let arguments = [
-        "render", "goblets.glb", "-o", text(&file), "--size", "96x72", "--spp", "4096", "--agents", "2", "--set",
-        "work.zones=12", "--dashboard", "127.0.0.1:0", "--json",
+        "render",
+        "goblets.glb",
+        "-o",
+        text(&file),
+        "--size",
+        "96x72",
+        "--spp",
+        "4096",
+        "--agents",
+        "2",
+        "--set",
+        "work.zones=12",
+        "--dashboard",
+        "127.0.0.1:0",
+        "--json",
     ];
     let mut render = bottega(&arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program");
     let mut said = BufReader::new(render.stderr.take().expect("a pipe"));
@@ -44,7 +57,8 @@ fn rows_of_one_process_are_followed_over_its_page() {
     assert!(rows.status.success());
     let rows = String::from_utf8(rows.stdout).expect("text");
     let rows: Vec<Value> = rows.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
-    let zones: BTreeSet<u64> = rows.iter().filter(|row| row["event"] == "zone").flat_map(|row| row["id"].as_u64()).collect();
+    let zones: BTreeSet<u64> =
+        rows.iter().filter(|row| row["event"] == "zone").flat_map(|row| row["id"].as_u64()).collect();
     let agents = rows.iter().filter(|row| row["event"] == "agent").count();
     assert!(zones.len() > 4 && agents > 0, "{rows:?}");
     assert!(rows.iter().any(|row| row["state"] == "done" && row["seconds_measured"].is_f64()), "{rows:?}");

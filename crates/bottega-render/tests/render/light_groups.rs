@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use bottega_image::{AovSet, Combine, Layer, Layout, Rect, Tile};
-use bottega_render::{BlockWork, DirectLight, LightFinder, LightGroups, PathKind, PathSettings, PrepareOptions, PreparedScene};
+use bottega_render::{
+    BlockWork, DirectLight, LightFinder, LightGroups, PathKind, PathSettings, PrepareOptions, PreparedScene,
+};
 use bottega_scene::{Environment, Light, LightKind, Medium, Scene, Visibility};
 use glam::Vec3;
 
@@ -147,7 +149,8 @@ fn by_path(scene: &Subject, settings: PathSettings) -> (Vec<Vec3>, Vec3) {
     let work = BlockWork { light_groups, ..scene.block(&scene.view(SIZE), settings, tile, 0..16) };
     let tile = work.perform().expect("a picture").tile;
     let sum = |place: usize| {
-        let of_pixel = |(x, y)| Vec3::from_slice(&tile.pixel(x, y)[place..place + 3]) / tile.pixel(x, y)[Layout::SAMPLE_COUNT];
+        let of_pixel =
+            |(x, y)| Vec3::from_slice(&tile.pixel(x, y)[place..place + 3]) / tile.pixel(x, y)[Layout::SAMPLE_COUNT];
         tile.rect().pixels().map(of_pixel).sum::<Vec3>() / tile.rect().area() as f32
     };
     let kinds = tile.layout().placed_layers().map(|(place, _)| sum(place)).collect();
@@ -164,9 +167,15 @@ fn kinds_of_paths_sum_to_the_picture_and_each_has_its_own_light() {
         // Direct light has at most one bounce
         let light = |settings: PathSettings, is_of: &dyn Fn(&PathKind) -> bool| {
             let (kinds, _) = by_path(&scene, settings);
-            PathKind::ALL.iter().zip(kinds).filter(|(kind, _)| is_of(kind)).map(|(_, light)| light.max_element()).sum::<f32>()
+            PathKind::ALL
+                .iter()
+                .zip(kinds)
+                .filter(|(kind, _)| is_of(kind))
+                .map(|(_, light)| light.max_element())
+                .sum::<f32>()
         };
-        let direct = PathSettings { max_depth: 1, guiding: false, agents: Default::default(), ..PathSettings::default() };
+        let direct =
+            PathSettings { max_depth: 1, guiding: false, agents: Default::default(), ..PathSettings::default() };
         assert_eq!(light(direct, &|kind| kind.bounces > 1), 0.0, "{name}");
         assert!(light(direct, &|kind| kind.bounces == 1 && kind.finder == LightFinder::Sample) > 0.0, "{name}");
         // Without light samples, rays find everything

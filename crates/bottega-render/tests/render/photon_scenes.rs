@@ -98,7 +98,13 @@ pub(crate) fn many_things() -> Scene {
     add_quad(&mut scene, Vec3::new(0.4, -0.2, 0.4), Vec3::X * 0.5, Vec3::new(0.0, 0.4, -0.2), sheet.into());
     let veil = Material { alpha_mode: AlphaMode::Blend, opacity: 0.4.into(), ..matte(Vec3::splat(0.5)) };
     add_quad(&mut scene, Vec3::new(-0.4, 0.5, 0.2), Vec3::X * 0.5, Vec3::Z * 0.4, veil);
-    add_quad(&mut scene, Vec3::new(-0.2, 0.99, -0.2), Vec3::X * 0.4, Vec3::Z * 0.4, Material::emitter(Vec3::splat(5.0)));
+    add_quad(
+        &mut scene,
+        Vec3::new(-0.2, 0.99, -0.2),
+        Vec3::X * 0.4,
+        Vec3::Z * 0.4,
+        Material::emitter(Vec3::splat(5.0)),
+    );
     add_sphere(&mut scene, Vec3::new(0.9, 0.7, -0.3), 0.08, lamp(Vec3::new(10.0, 5.0, 2.0)));
     scene
 }
@@ -126,7 +132,13 @@ pub(crate) fn closed_room(has_mirror: bool) -> Scene {
     if has_mirror {
         add_quad(&mut scene, Vec3::new(-1.0, -1.0, -0.99), Vec3::X * 2.0, Vec3::Y * 2.0, mirror());
     }
-    add_quad(&mut scene, Vec3::new(-0.4, 0.97, -0.4), Vec3::X * 0.8, Vec3::Z * 0.8, Material::emitter(Vec3::splat(4.0)));
+    add_quad(
+        &mut scene,
+        Vec3::new(-0.4, 0.97, -0.4),
+        Vec3::X * 0.8,
+        Vec3::Z * 0.8,
+        Material::emitter(Vec3::splat(4.0)),
+    );
     add_sphere(&mut scene, Vec3::new(0.0, -0.5, 0.0), 0.35, matte(Vec3::new(0.7, 0.5, 0.4)));
     scene
 }

@@ -32,18 +32,10 @@ pub const AGENTS_MAX: u16 = 1024;
 pub const PREFETCH_MAX: u32 = bottega_farm::PREFETCH_MAX;
 /// Largest number of zones of a picture.
 pub const ZONES_MAX: u32 = 1 << 20;
-/// Range of `zone_max_complexity`: a zone's largest share of the picture's complexity.
-pub const COMPLEXITY_SHARE: std::ops::RangeInclusive<f64> = 1e-6..=1.0;
 /// Largest width of the interpolation bands between zones, in pixels.
 pub const BAND_PIXELS_MAX: u32 = bottega_farm::BAND_MAX;
 /// Range of the time limit of a picture, in seconds.
 pub const SECONDS: std::ops::RangeInclusive<f64> = 0.1..=1e7;
-/// Range of the requested relative error of a picture; 0.01 is one percent.
-pub const ERROR: std::ops::RangeInclusive<f64> = 1e-6..=10.0;
-/// Range of the relative error of indirect light that lighting agents interpolate.
-pub const ORACLE_ERROR: std::ops::RangeInclusive<f64> = 0.001..=1.0;
-/// Largest exposure of a PNG in stops, up or down.
-pub const STOPS_MAX: f32 = 40.0;
 /// Largest number of tags of a machine, and of tags that a job requires.
 pub const TAGS_MAX: usize = 16;
 /// Largest number of characters of a machine's tag.

@@ -5,6 +5,7 @@ mod device_choice;
 mod field;
 mod json;
 mod limits;
+mod ranged;
 mod schema;
 mod sections;
 mod set;

@@ -2,31 +2,52 @@
 
 use std::{collections::BTreeMap, path::PathBuf};
 
-use bottega_farm::{Channel, ZoneLimits};
+use bottega_farm::{Channel, VERIFY_MAX, ZoneLimits};
 use bottega_render::AgentSettings;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
+    InvalidField,
     choices::{
         AdaptationChoice, AuctionChoice, BUILTIN, BalanceChoice, ColorSpace, Compression, GuideChoice, GuideUse,
         ImportanceChoice, IntegratorChoice, OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding,
         ProjectionChoice, StereoChoice, ToneCurve,
     },
     device_choice::AUTO,
-    limits::PRIORITY,
+    limits::*,
+    ranged::Ranged,
 };
 use crate::frames::Frames;
 
-/// Declares sections: structs that are JSON objects, with all members optional.
+/// Declares sections: structs that are JSON objects, with all members optional. After `=>` stands the range of values that
+/// are allowed, ends included: it is checked by [`Request::validate`](super::Request::validate), and part of the schema.
 macro_rules! sections {
-    ($($(#[$attribute:meta])* $name:ident { $($(#[$field_attribute:meta])* $field:ident: $type:ty = $default:expr,)* })*) => {
+    ($($(#[$attribute:meta])* $name:ident {
+        $($(#[$field_attribute:meta])* $field:ident: $type:ty = $default:expr $(=> $min:literal ..= $max:expr)?,)*
+    })*) => {
         $(
             $(#[$attribute])*
             #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
             #[serde(deny_unknown_fields, default)]
             pub struct $name {
-                $($(#[$field_attribute])* pub $field: $type,)*
+                $(
+                    $(#[$field_attribute])*
+                    $(#[schemars(range(min = $min, max = $max))])?
+                    pub $field: $type,
+                )*
+            }
+
+            impl $name {
+                /// Checks the ranges of all numbers.
+                ///
+                /// - `section`: the name of this section in a request.
+                pub(super) fn validate_ranges(&self, section: &str) -> Result<(), InvalidField> {
+                    // A section without ranges uses nothing of this.
+                    let _ = section;
+                    $($(self.$field.check(section, stringify!($field), $min..=$max)?;)?)*
+                    Ok(())
+                }
             }
 
             impl Default for $name {
@@ -269,12 +290,12 @@ sections! {
     /// The goal at which the picture is finished. At most one of error and time is given.
     GoalOptions {
         /// Samples per pixel; with an error or a time the maximum per pixel. None: what the scene file asks for, or 64.
-        samples: Option<u32> = None,
+        samples: Option<u32> = None => 1..=SAMPLES_MAX,
         /// The estimated relative error at which a cell of 32 x 32 pixels stops, such as 0.05; the maximum of samples is then 4096
         /// if none is given.
-        error: Option<f64> = None,
+        error: Option<f64> = None => 1e-6..=10.0,
         /// Time limit in seconds, from the start to the written file.
-        time: Option<f64> = None,
+        time: Option<f64> = None => 0.1..=1e7,
     }
 
     /// The integrator.
@@ -282,9 +303,9 @@ sections! {
         /// The integrator; none: one that finds the same light as the scene file's integrator, or `path`.
         method: Option<IntegratorChoice> = None,
         /// Maximum number of bounces: 0 emission only, 1 direct light, and so on; none: what the scene file asks for, or 16.
-        max_depth: Option<u32> = None,
+        max_depth: Option<u32> = None => 0..=DEPTH_MAX,
         /// Light samples per bounce.
-        light_samples: u32 = 1,
+        light_samples: u32 = 1 => 1..=LIGHT_SAMPLES_MAX,
         /// True to make rays and shading separate work units, so that any device can trace the rays, as in the HRA paper.
         /// False: a unit is samples of a block of pixels. The picture has the same bits.
         wavefront: bool = false,
@@ -293,13 +314,13 @@ sections! {
     /// Settings of photon mapping.
     PhotonOptions {
         /// Number of photons emitted; with `progressive` per pass. None: 500,000, progressive 100,000.
-        count: Option<u32> = None,
+        count: Option<u32> = None => 1..=PHOTONS_MAX,
         /// Number of photons in a density estimate; none: 60.
-        gather: Option<u32> = None,
+        gather: Option<u32> = None => 2..=GATHER_MAX,
         /// Largest distance of these photons, as a share of the radius of the visible scene; none: 0.1.
         radius: Option<f32> = None,
         /// Final gather rays per sample; 0: use the photons at the point itself. None: 4.
-        final_rays: Option<u32> = None,
+        final_rays: Option<u32> = None => 0..=FINAL_RAYS_MAX,
         /// Largest error at which indirect light on matte surfaces is interpolated from nearby points; none: always gather.
         irradiance_cache: Option<f32> = None,
         /// True to send caustic photons where lookouts, agents cast from the camera, find them useful; false: to all mirrors
@@ -321,7 +342,7 @@ sections! {
     /// Settings of Autonomous Lighting Agents.
     LightingAgentOptions {
         /// Number of agents cast from the lights, without their clones.
-        cast: u32 = AgentSettings::default().cast,
+        cast: u32 = AgentSettings::default().cast => 0..=LIGHTING_AGENTS_MAX,
         /// The rules by which the agents answer.
         oracle: OracleChoice = OracleChoice::Error,
         /// The questions that the agents answer; everything else is computed.
@@ -329,9 +350,9 @@ sections! {
         /// True if the median of an agent and its neighbors in the network decides which shadow rays are traced.
         network: bool = false,
         /// Largest relative error of interpolated indirect light, with the oracle `error`.
-        error: f64 = 0.1,
+        error: f64 = 0.1 => 0.001..=1.0,
         /// Memory limit of the agents in MiB, with the oracle `error`.
-        memory_mb: u64 = AgentSettings::default().memory_bytes >> 20,
+        memory_mb: u64 = AgentSettings::default().memory_bytes >> 20 => 0..=ORACLE_MEMORY_MAX,
     }
 
     /// Path guiding: knowledge of the light, learned before the first sample. It changes the noise, not the expected picture.
@@ -361,22 +382,22 @@ sections! {
     /// Sharing the work among agents.
     WorkOptions {
         /// Number of Render Agents; none: one per two processors.
-        agents: Option<u16> = None,
+        agents: Option<u16> = None => 1..=AGENTS_MAX,
         /// Level of division into zones: 0 none, 1 by importance, 2 joined, 3 balanced.
-        level: u8 = 3,
+        level: u8 = 3 => 0..=3,
         /// The measure of the importance map.
         importance: ImportanceChoice = ImportanceChoice::Predicted,
         /// The channels that the measure uses; none: all.
         #[schemars(with = "Option<Vec<String>>")]
         channels: Option<Vec<Channel>> = None,
         /// Approximate number of zones; none: by `zone_max_complexity`, or else by the number of agents.
-        zones: Option<u32> = None,
+        zones: Option<u32> = None => 1..=ZONES_MAX,
         /// Smallest width and height of a zone, in pixels.
-        zone_min_size: u32 = ZoneLimits::default().side_min,
+        zone_min_size: u32 = ZoneLimits::default().side_min => 1..=SIDE_MAX,
         /// Level 1 divides zones with more than this share of the picture's complexity; none: one part in `zones`.
-        zone_max_complexity: Option<f64> = None,
+        zone_max_complexity: Option<f64> = None => 1e-6..=1.0,
         /// Level 2 joins neighbors whose complexities per pixel differ by at most this share of the greater one.
-        zone_similarity: f64 = ZoneLimits::default().similarity,
+        zone_similarity: f64 = ZoneLimits::default().similarity => 0.0..=1.0,
         /// The quantity that level 3 balances.
         zone_balance: BalanceChoice = BalanceChoice::Time,
         /// The rule that decides auctions.
@@ -385,7 +406,7 @@ sections! {
         adaptation: AdaptationChoice = AdaptationChoice::Ratio,
         /// Number of zones that an agent works on at once: the next begins while the last pixels of one are painted. 1, as in the
         /// MAGarRO paper: only idle agents bid.
-        prefetch: u32 = 2,
+        prefetch: u32 = 2 => 1..=PREFETCH_MAX,
         /// True to cut zones near the end of the job, and to give idle agents the late zones of slow ones. Only agents on
         /// different machines share the tail.
         share_tail: bool = true,
@@ -400,15 +421,15 @@ sections! {
     /// The processors and devices of this machine that render. Other machines have their own.
     DeviceOptions {
         /// Number of CPU threads; none: all processors.
-        threads: Option<u16> = None,
+        threads: Option<u16> = None => 1..=AGENTS_MAX,
         /// `auto` alone (the processors, and the best GPU if there is one), or `cpu` and parts of GPUs' names.
         names: Vec<String> = vec![AUTO.to_owned()],
         /// True to make pixels bit-identical on every machine: only processors render.
         exact: bool = false,
         /// Memory limit for scenes on each GPU, in MiB; none: nearly all free memory.
-        memory_mb: Option<u32> = None,
+        memory_mb: Option<u32> = None => 1..=u32::MAX,
         /// Largest number of work units that wait for a processor or device; none: as many as are done in a twentieth of a second.
-        bin: Option<u32> = None,
+        bin: Option<u32> = None => 1..=BIN_MAX,
     }
 
     /// The output file.
@@ -416,7 +437,7 @@ sections! {
         /// The file: .exr (linear light, all layers) or .png (tone-mapped); none: no file.
         file: Option<PathBuf> = None,
         /// Exposure of a PNG in stops: positive is brighter.
-        exposure: f32 = 0.0,
+        exposure: f32 = 0.0 => -40.0..=40.0,
         /// Tone curve of a PNG.
         tonemap: ToneCurve = ToneCurve::Agx,
         /// Encoding of PNG values.
@@ -439,9 +460,9 @@ sections! {
     /// Settings of the job on a farm.
     FarmOptions {
         /// Priority of the job: jobs get machines in proportion to it.
-        priority: u32 = PRIORITY,
+        priority: u32 = PRIORITY => 1..=PRIORITY_MAX,
         /// Number of different machines that must agree on a zone before it counts; none: each machine is trusted.
-        verify: Option<u32> = None,
+        verify: Option<u32> = None => 1..=VERIFY_MAX,
         /// True to let agents of other platforms (FIPA) paint zones with their own engines. The picture then depends on the
         /// agents.
         strangers: bool = false,

@@ -1,8 +1,5 @@
 //! The validation of requests: limits of fields, and fields that exclude each other.
 
-use std::ops::RangeInclusive;
-
-use bottega_farm::VERIFY_MAX;
 use bottega_image::{ImageError, OutputFormat};
 use bottega_scene::{BLADES_MAX, COORDINATE_MAX, Camera, Shutter};
 use glam::{Affine3A, DVec3};
@@ -10,30 +7,12 @@ use thiserror::Error as ThisError;
 
 use super::{
     BandChoice, CameraPose, DeviceChoice, DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions,
-    FarmOptions, FilmOptions, GoalOptions, GuideChoice, GuideOptions, IntegratorOptions, InvalidField,
-    LightingAgentOptions, OutputOptions, PhotonOptions, REQUEST_VERSION, Request, SceneOptions, ShutterTimes,
-    ViewOptions, WorkOptions, limits::*,
+    FarmOptions, FilmOptions, GoalOptions, GuideChoice, GuideOptions, InvalidField, OutputOptions, PhotonOptions,
+    REQUEST_VERSION, Request, SceneOptions, ShutterTimes, ViewOptions, WorkOptions, limits::*, ranged::within,
 };
 use crate::frames::{FrameName, frame_name_help};
 
 type Checked = Result<(), InvalidField>;
-
-/// Checks that a value lies within a range, ends included.
-fn within<T: PartialOrd + std::fmt::Display + Copy>(field: &str, value: T, range: RangeInclusive<T>) -> Checked {
-    if range.contains(&value) {
-        return Ok(());
-    }
-    Err(InvalidField::new(field, value, format!("from {} to {} is allowed", range.start(), range.end())))
-}
-
-/// Checks that an optional value lies within a range; `None` is allowed.
-fn maybe_within<T: PartialOrd + std::fmt::Display + Copy>(
-    field: &str,
-    value: Option<T>,
-    range: RangeInclusive<T>,
-) -> Checked {
-    value.map_or(Ok(()), |value| within(field, value, range))
-}
 
 /// Checks that a number is finite and at least 0.
 fn not_negative(field: &str, value: f32) -> Checked {
@@ -108,25 +87,39 @@ impl Request {
     /// The first field whose value is not allowed.
     pub fn validate(&self) -> Result<(), InvalidField> {
         within("version", self.version, 1..=REQUEST_VERSION)?;
+        self.validate_ranges()?;
         self.scene.validate()?;
         self.environment.validate()?;
         self.view.validate()?;
         self.film.validate()?;
         self.goal.validate()?;
-        self.integrator.validate()?;
         self.photons.validate()?;
-        self.lighting_agents.validate()?;
         self.guide.validate()?;
         self.engine.validate()?;
         self.work.validate()?;
         self.devices.validate()?;
         self.output.validate()?;
-        within("farm.priority", self.farm.priority, 1..=PRIORITY_MAX)?;
-        maybe_within("farm.verify", self.farm.verify, 1..=VERIFY_MAX)?;
         self.farm.validate_tags()?;
         not_both("film.light_groups", !self.film.light_groups.is_empty(), "engine.names", !self.engine.is_builtin())?;
         self.validate_strangers()?;
         self.validate_frames()
+    }
+
+    /// Checks the ranges of all numbers, as [the sections](super::sections) declare them.
+    fn validate_ranges(&self) -> Checked {
+        self.environment.validate_ranges("environment")?;
+        self.view.validate_ranges("view")?;
+        self.film.validate_ranges("film")?;
+        self.goal.validate_ranges("goal")?;
+        self.integrator.validate_ranges("integrator")?;
+        self.photons.validate_ranges("photons")?;
+        self.lighting_agents.validate_ranges("lighting_agents")?;
+        self.guide.validate_ranges("guide")?;
+        self.engine.validate_ranges("engine")?;
+        self.work.validate_ranges("work")?;
+        self.devices.validate_ranges("devices")?;
+        self.output.validate_ranges("output")?;
+        self.farm.validate_ranges("farm")
     }
 
     /// Checks a request for agents of other platforms: they get scene file, size and samples, and return colors alone.
@@ -368,37 +361,16 @@ pub fn check_sides(size: [u32; 2]) -> Result<(), SizeError> {
 
 impl GoalOptions {
     fn validate(&self) -> Checked {
-        maybe_within("goal.samples", self.samples, 1..=SAMPLES_MAX)?;
-        maybe_within("goal.error", self.error, ERROR)?;
-        maybe_within("goal.time", self.time, SECONDS)?;
         not_both("goal.error", self.error.is_some(), "goal.time", self.time.is_some())
-    }
-}
-
-impl IntegratorOptions {
-    fn validate(&self) -> Checked {
-        maybe_within("integrator.max_depth", self.max_depth, 0..=DEPTH_MAX)?;
-        within("integrator.light_samples", self.light_samples, 1..=LIGHT_SAMPLES_MAX)
     }
 }
 
 impl PhotonOptions {
     fn validate(&self) -> Checked {
-        maybe_within("photons.count", self.count, 1..=PHOTONS_MAX)?;
-        maybe_within("photons.gather", self.gather, 2..=GATHER_MAX)?;
         share("photons.radius", self.radius)?;
-        maybe_within("photons.final_rays", self.final_rays, 0..=FINAL_RAYS_MAX)?;
         share("photons.irradiance_cache", self.irradiance_cache)?;
         not_both("photons.progressive", self.progressive, "photons.final_rays", self.final_rays.is_some())?;
         not_both("photons.progressive", self.progressive, "photons.irradiance_cache", self.irradiance_cache.is_some())
-    }
-}
-
-impl LightingAgentOptions {
-    fn validate(&self) -> Checked {
-        within("lighting_agents.cast", self.cast, 0..=LIGHTING_AGENTS_MAX)?;
-        within("lighting_agents.error", self.error, ORACLE_ERROR)?;
-        within("lighting_agents.memory_mb", self.memory_mb, 0..=ORACLE_MEMORY_MAX)
     }
 }
 
@@ -439,13 +411,6 @@ impl EngineOptions {
 
 impl WorkOptions {
     fn validate(&self) -> Checked {
-        maybe_within("work.agents", self.agents, 1..=AGENTS_MAX)?;
-        within("work.level", self.level, 0..=3)?;
-        maybe_within("work.zones", self.zones, 1..=ZONES_MAX)?;
-        within("work.zone_min_size", self.zone_min_size, 1..=SIDE_MAX)?;
-        maybe_within("work.zone_max_complexity", self.zone_max_complexity, COMPLEXITY_SHARE)?;
-        within("work.zone_similarity", self.zone_similarity, 0.0..=1.0)?;
-        within("work.prefetch", self.prefetch, 1..=PREFETCH_MAX)?;
         match self.bands {
             BandChoice::Pixels(pixels) => within("work.bands.pixels", pixels, 1..=BAND_PIXELS_MAX),
             BandChoice::Off | BandChoice::Rules => Ok(()),
@@ -455,9 +420,6 @@ impl WorkOptions {
 
 impl DeviceOptions {
     fn validate(&self) -> Checked {
-        maybe_within("devices.threads", self.threads, 1..=AGENTS_MAX)?;
-        maybe_within("devices.memory_mb", self.memory_mb, 1..=u32::MAX)?;
-        maybe_within("devices.bin", self.bin, 1..=BIN_MAX)?;
         let names = || format!("`{}`", self.names.join(","));
         let choice = DeviceChoice::of(&self.names)
             .map_err(|allowed| InvalidField::new("devices.names", names(), allowed.to_string()))?;
@@ -483,6 +445,6 @@ impl OutputOptions {
                 InvalidField::new("output.file", format!("`{}`", file.display()), allowed)
             })?;
         }
-        within("output.exposure", self.exposure, -STOPS_MAX..=STOPS_MAX)
+        Ok(())
     }
 }
