@@ -64,7 +64,7 @@ fn begin(engine: &BuiltinEngine, cancel: &CancelSwitch) -> mpsc::Receiver<bool> 
 
 /// Samples of a long picture of sixteen zones that are rendered before the first block of a preview.
 fn samples_meanwhile(urgency: Urgency) -> u64 {
-    let (scene, resources) = (scene(), Arc::new(Resources::new(1, Devices::default())));
+    let (scene, resources) = (scene(), Arc::new(Resources::new(1, Devices::default(), None)));
     let (long, cancel) = (engine(&scene, &resources, Urgency::Picture), CancelSwitch::default());
     let zones: Vec<_> = (0..16).map(|_| begin(&long, &cancel)).collect();
     until(|| long.samples_done() > 0);
@@ -99,7 +99,7 @@ fn a_preview_in_the_middle_of_a_long_picture_is_seen_sooner_by_its_priority() {
 
 #[test]
 fn an_abandoned_look_is_not_painted_further_and_is_reported() {
-    let (scene, resources) = (scene(), Arc::new(Resources::new(1, Devices::default())));
+    let (scene, resources) = (scene(), Arc::new(Resources::new(1, Devices::default(), None)));
     let (long, cancel) = (engine(&scene, &resources, Urgency::Picture), CancelSwitch::default());
     let picture = begin(&long, &cancel);
     let look = engine(&scene, &resources, Urgency::Look);
@@ -122,7 +122,7 @@ fn an_abandoned_look_is_not_painted_further_and_is_reported() {
 
 #[test]
 fn a_picture_is_not_left() {
-    let (scene, resources) = (scene(), Arc::new(Resources::new(1, Devices::default())));
+    let (scene, resources) = (scene(), Arc::new(Resources::new(1, Devices::default(), None)));
     let picture = engine(&scene, &resources, Urgency::Crop);
     picture.leave();
     assert!(picture.survey(8, 8).is_ok());

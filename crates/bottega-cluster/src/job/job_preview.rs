@@ -90,7 +90,7 @@ impl JobPreview {
         Ok(has_look || has_tiles)
     }
 
-    /// Begins the canvas anew: over the leader's first look and the zones. Returns `true` if a first look is shown on it.
+    /// Begins a new canvas over the leader's first look and the zones. Returns `true` if a first look is shown on it.
     fn begin(&mut self, board: &JobBoard, job: &Job, zones: Option<Rect>) -> Result<bool, Error> {
         let look = board.first_look(job)?;
         let crop = look.as_ref().map(FirstLook::crop);
