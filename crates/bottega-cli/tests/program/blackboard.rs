@@ -29,7 +29,6 @@ fn rows_of_one_process_are_followed_over_its_page() {
         "work.zones=12",
         "--dashboard",
         "127.0.0.1:0",
-        "--json",
     ];
     let mut render = bottega(&arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program");
     let mut said = BufReader::new(render.stderr.take().expect("a pipe"));
