@@ -90,12 +90,12 @@ fn layout() -> Result<Layout, Error> {
 
 /// Sum and sum of squares of a luminance over the renders.
 #[derive(Clone, Copy, Default)]
-struct Moments {
+struct RenderMoments {
     sum: f32,
     squares: f32,
 }
 
-impl Moments {
+impl RenderMoments {
     fn add(&mut self, value: f32) {
         self.sum += value;
         self.squares += value * value;
@@ -114,14 +114,14 @@ impl Moments {
 /// The moments of all pixels: of all light, by finder, and by kind.
 struct NoiseSums {
     renders: u32,
-    all: Vec<Moments>,
-    by_finder: [Vec<Moments>; FINDERS.len()],
-    by_kind: Vec<Vec<Moments>>,
+    all: Vec<RenderMoments>,
+    by_finder: [Vec<RenderMoments>; FINDERS.len()],
+    by_kind: Vec<Vec<RenderMoments>>,
 }
 
 impl NoiseSums {
     fn new(pixels: usize) -> Self {
-        let none = || vec![Moments::default(); pixels];
+        let none = || vec![RenderMoments::default(); pixels];
         let by_kind = PathKind::ALL.iter().map(|_| none()).collect();
         Self { renders: 0, all: none(), by_finder: [none(), none(), none()], by_kind }
     }
@@ -151,15 +151,15 @@ impl NoiseSums {
         // Weights of squared errors: relative, and by the slope of the sRGB curve
         let relative: Vec<f32> = means.iter().map(|mean| 1.0 / (mean * mean + 0.01)).collect();
         let shown: Vec<f32> = means.iter().map(|&mean| srgb_slope(mean).powi(2)).collect();
-        let roots = |moments: &[Moments]| {
-            let root = |(moments, weight): (&Moments, &f32)| (moments.variance(count) * weight).sqrt();
+        let roots = |moments: &[RenderMoments]| {
+            let root = |(moments, weight): (&RenderMoments, &f32)| (moments.variance(count) * weight).sqrt();
             moments.iter().zip(&relative).map(root).collect::<Vec<f32>>()
         };
-        let total = |moments: &[Moments], weights: &[f32]| {
+        let total = |moments: &[RenderMoments], weights: &[f32]| {
             let errors = moments.iter().zip(weights).map(|(it, weight)| f64::from(it.variance(count) * weight));
             errors.sum::<f64>()
         };
-        let light = |moments: &[Moments]| moments.iter().map(|it| f64::from(it.mean(count))).sum::<f64>();
+        let light = |moments: &[RenderMoments]| moments.iter().map(|it| f64::from(it.mean(count))).sum::<f64>();
         let pixels = means.len().max(1) as f64;
         // Shares of kinds, of the sums over all kinds
         let of_kinds: Vec<[f64; 3]> =
@@ -198,7 +198,7 @@ mod tests {
 
     #[test]
     fn variance_is_that_of_one_render_and_nothing_shows_above_white() {
-        let mut moments = Moments::default();
+        let mut moments = RenderMoments::default();
         [1.0, 3.0].into_iter().for_each(|value| moments.add(value));
         assert_eq!((moments.mean(2.0), moments.variance(2.0)), (2.0, 2.0));
         assert!(srgb_slope(2.0) == 0.0 && srgb_slope(0.5) > 0.5 && srgb_slope(0.01) > srgb_slope(0.5));

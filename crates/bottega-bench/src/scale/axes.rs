@@ -7,14 +7,14 @@ use bottega_farm::simulate::{FarmSpec, Plan, SyntheticSpread, Workpiece, simulat
 use clap::ValueEnum;
 
 use super::{
-    Curve,
-    render::{self, Picture},
+    curve::Curve,
+    render::{self, SizedRender},
 };
 use crate::error::Error;
 
 /// What grows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum Axis {
+pub(super) enum GrowthAxis {
     /// Triangles of a terrain.
     Triangles,
     /// Small lights above a floor.
@@ -40,7 +40,7 @@ pub(super) struct Quantity {
 
 impl Quantity {
     /// Returns the empty curve of this quantity.
-    pub(super) fn curve(&self, axis: Axis) -> Curve {
+    pub(super) fn curve(&self, axis: GrowthAxis) -> Curve {
         let &Self { name, law, expected } = self;
         Curve { axis: axis.word(), quantity: name, law, expected, exponent: None, points: Vec::new() }
     }
@@ -57,7 +57,7 @@ const LINEAR: [f64; 2] = [0.8, 1.1];
 /// Seconds of sorting.
 const N_LOG_N: [f64; 2] = [0.9, 1.2];
 
-impl Axis {
+impl GrowthAxis {
     /// Returns the name of the axis, in the plural.
     pub(super) fn word(self) -> &'static str {
         match self {
@@ -124,17 +124,17 @@ impl Axis {
 
     /// Measures one size. Returns a value for each of [`Self::quantities`].
     pub(super) fn measure(self, size: u64, threads: usize) -> Result<Vec<f64>, Error> {
-        let usual = Picture { side: 256, samples: 4, threads };
+        let usual = SizedRender { side: 256, samples: 4, threads };
         match self {
             Self::Triangles => Ok(usual.of(render::terrain(size))?.to_vec()),
             Self::Lights => Ok(usual.of(render::lit_floor(size))?.to_vec()),
             Self::Textures => Ok(usual.of(render::tiles(size))?[..2].to_vec()),
             Self::Pixels => {
                 let side = (size as f64).sqrt().round() as u32;
-                Ok(vec![Picture { side, ..usual }.of(render::lit_floor(4))?[1]])
+                Ok(vec![SizedRender { side, ..usual }.of(render::lit_floor(4))?[1]])
             }
             Self::Samples => {
-                let picture = Picture { side: 128, samples: size as u32, threads };
+                let picture = SizedRender { side: 128, samples: size as u32, threads };
                 Ok(vec![picture.of(render::lit_floor(4))?[1]])
             }
             Self::Zones => Ok(vec![zones(size as u32, threads)?]),

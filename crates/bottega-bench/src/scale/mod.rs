@@ -2,17 +2,19 @@
 //! the measured one.
 
 mod axes;
-mod law;
+mod curve;
 mod plot;
 mod render;
 
 use std::{fmt::Write as _, io::Write, path::PathBuf};
 
 use clap::{Args, ValueEnum};
-use serde::Serialize;
 use serde_json::{Value, json};
 
-use self::{axes::Axis, law::exponent};
+use self::{
+    axes::GrowthAxis,
+    curve::{Curve, Point},
+};
 use crate::{
     error::Error,
     files::{create_folder, write_file},
@@ -27,7 +29,7 @@ use crate::{
 pub(crate) struct ScaleOptions {
     /// What grows, with commas between; default: everything.
     #[arg(long = "axis", value_name = "AXIS", value_delimiter = ',')]
-    axes: Vec<Axis>,
+    axes: Vec<GrowthAxis>,
     /// Leave out the largest sizes: some seconds instead of minutes.
     #[arg(long)]
     small: bool,
@@ -39,28 +41,6 @@ pub(crate) struct ScaleOptions {
     output: Option<PathBuf>,
 }
 
-/// One measured size.
-#[derive(Clone, Copy, Debug, Serialize)]
-struct Point {
-    size: u64,
-    value: f64,
-}
-
-/// A quantity measured over sizes, with the law that it should follow.
-#[derive(Clone, Debug, Serialize)]
-struct Curve {
-    axis: &'static str,
-    /// What is measured, with its unit.
-    quantity: &'static str,
-    /// The expected law, readable.
-    law: &'static str,
-    /// The exponents of the size that agree with the law.
-    expected: [f64; 2],
-    /// The exponent fitted to the larger half of the points; `None`: fewer than two.
-    exponent: Option<f64>,
-    points: Vec<Point>,
-}
-
 /// All curves.
 #[derive(Clone, Debug)]
 struct ScaleReport {
@@ -69,7 +49,7 @@ struct ScaleReport {
 
 impl Measurement for ScaleOptions {
     fn measure(&self, log: &mut dyn Write) -> Result<Box<dyn Report>, Error> {
-        let axes = if self.axes.is_empty() { Axis::value_variants().to_vec() } else { self.axes.clone() };
+        let axes = if self.axes.is_empty() { GrowthAxis::value_variants().to_vec() } else { self.axes.clone() };
         let threads = crate::arguments::threads(self.threads);
         let mut curves = Vec::new();
         for axis in axes {
@@ -79,7 +59,7 @@ impl Measurement for ScaleOptions {
                 let values = axis.measure(size, threads)?;
                 of_axis.iter_mut().zip(values).for_each(|(curve, value)| curve.points.push(Point { size, value }));
             }
-            of_axis.iter_mut().for_each(|curve| curve.exponent = exponent(&curve.points));
+            of_axis.iter_mut().for_each(|curve| curve.fit());
             curves.extend(of_axis);
         }
         let report = ScaleReport { curves };

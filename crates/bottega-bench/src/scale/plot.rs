@@ -2,7 +2,7 @@
 
 use bottega_image::Svg;
 
-use super::{Curve, Point};
+use super::curve::{Curve, Point};
 
 /// Width and height of a chart in pixels.
 const SIDE: f64 = 220.0;

@@ -13,7 +13,7 @@ use crate::{error::Error, painting::paint_zone, random::Random};
 
 /// A picture of a scene.
 #[derive(Clone, Copy)]
-pub(super) struct Picture {
+pub(super) struct SizedRender {
     /// Width and height in pixels.
     pub(super) side: u32,
     /// Samples per pixel.
@@ -22,7 +22,7 @@ pub(super) struct Picture {
     pub(super) threads: usize,
 }
 
-impl Picture {
+impl SizedRender {
     /// Prepares and renders a scene. Returns seconds of both, and the prepared memory in MB.
     pub(super) fn of(self, scene: Scene) -> Result<[f64; 3], Error> {
         let Self { side, samples, threads } = self;

@@ -67,7 +67,7 @@ impl DeviceSet {
         layout: &Layout,
         photons: bool,
     ) -> Result<Self, Error> {
-        let &PainterWish { threads, memory, joins, .. } = wish;
+        let &PainterWish { threads, memory, bin, joins } = wish;
         // Choose the devices that support the picture
         let lacks = lacks(camera, layout, photons);
         let mut wanted = WantedDevices { threads, gpus: Vec::new(), boards: Vec::new(), notes: Vec::new() };
@@ -102,7 +102,7 @@ impl DeviceSet {
         if !boards.is_empty() {
             board::count_bytes(scene);
         }
-        let key = |gpus: &[ChosenGpu], boards: &[String]| ResourceKey::new(threads, gpus, boards, wish);
+        let key = |gpus: &[ChosenGpu], boards: &[String]| ResourceKey::new(threads, gpus, boards, memory, bin);
         let opened = kept::resources(key(&gpus, &boards), joins, &gpus);
         let (opened, gpus) = match opened {
             Ok(opened) => (opened, names),

@@ -11,7 +11,6 @@ use bottega_engines::{Devices, Resources};
 use super::{
     board,
     board_worth::{ConnectedBoard, are_worth_waves},
-    choice::PainterWish,
     costs,
     gpu::{ChosenGpu, GpuScenes},
 };
@@ -36,10 +35,17 @@ impl ResourceKey {
     /// Makes the key of a set of resources.
     ///
     /// - `boards`: addresses of the boards that trace rays.
-    /// - `wish`: memory limit of the GPUs and length of the work bin.
-    pub(super) fn new(threads: usize, gpus: &[ChosenGpu], boards: &[String], wish: &PainterWish) -> Self {
+    /// - `memory`: memory limit for scenes on each GPU, in bytes.
+    /// - `bin`: largest number of work units that wait.
+    pub(super) fn new(
+        threads: usize,
+        gpus: &[ChosenGpu],
+        boards: &[String],
+        memory: Option<u64>,
+        bin: Option<NonZeroU32>,
+    ) -> Self {
         let gpus = gpus.iter().map(|gpu| gpu.name().to_owned()).collect();
-        Self { threads, gpus, boards: boards.to_vec(), memory: wish.memory, bin: wish.bin }
+        Self { threads, gpus, boards: boards.to_vec(), memory, bin }
     }
 
     /// Returns the number of CPU threads; 0: CPUs do not render.

@@ -1,10 +1,39 @@
-//! The fit of a power law.
+//! A quantity over sizes, and the fit of a power law to it.
 
-use super::Point;
+use serde::Serialize;
+
+/// One measured size.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct Point {
+    pub(super) size: u64,
+    pub(super) value: f64,
+}
+
+/// A quantity measured over sizes, with the law that it should follow.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Curve {
+    pub(super) axis: &'static str,
+    /// What is measured, with its unit.
+    pub(super) quantity: &'static str,
+    /// The expected law, readable.
+    pub(super) law: &'static str,
+    /// The exponents of the size that agree with the law.
+    pub(super) expected: [f64; 2],
+    /// The exponent fitted to the larger half of the points; `None`: fewer than two.
+    pub(super) exponent: Option<f64>,
+    pub(super) points: Vec<Point>,
+}
+
+impl Curve {
+    /// Fits the exponent to the points.
+    pub(super) fn fit(&mut self) {
+        self.exponent = exponent(&self.points);
+    }
+}
 
 /// Returns the exponent p of the law value = a · sizeᵖ by least squares in logarithms, over the larger half of the sizes:
 /// constant costs dominate the smaller ones. `None`: fewer than two sizes.
-pub(super) fn exponent(points: &[Point]) -> Option<f64> {
+fn exponent(points: &[Point]) -> Option<f64> {
     let half = (points.len() / 2).min(points.len().saturating_sub(3));
     let logs: Vec<[f64; 2]> = points[half..]
         .iter()
