@@ -20,7 +20,7 @@ use bottega_render::{
     AgentUse, LightGroups, PreparedScene, Prepass, RenderWork,
     ala::AgentReport,
     integrator::{PathIntegrator, learn_together},
-    photon::{MapBytes, cast_photons},
+    photon::{MapBytes, cast_photons, prepare_techniques},
     survey::{GlimpseOptions, glimpse},
 };
 
@@ -192,6 +192,13 @@ impl BuiltinEngine {
         prepass.lighting_agents(scene, view, settings.photons?, settings.seed)
     }
 
+    /// Returns the number of zones that photons render, and that of all zones, of a picture that tries photons; `None`: it
+    /// does not, or it is too small, or nothing is decided yet.
+    pub fn zones_by_photons(&self) -> Option<[usize; 2]> {
+        let Shared { prepass, options, .. } = &*self.shared;
+        prepass.zones_by_photons(&options.view, &options.settings)
+    }
+
     /// Returns the memory of the photon maps so far, in bytes.
     pub fn map_bytes(&self) -> MapBytes {
         let Shared { scene, prepass, options: BuiltinOptions { view, settings, .. }, .. } = &*self.shared;
@@ -209,6 +216,9 @@ impl BuiltinEngine {
         let Shared { scene, prepass, options, .. } = &*self.shared;
         let (view, settings) = (&options.view, &options.settings);
         let prepared = match (settings.photons, others) {
+            (Some(_), _) if settings.tries_photons => {
+                prepare_techniques(scene, prepass, view, settings, &self.client(self.urgency.priority()), others)
+            }
             (None, None) => PathIntegrator::new(scene, prepass, view, settings).map(|_| ()),
             (None, Some(others)) => learn_together(scene, prepass, view, settings, others),
             (Some(_), _) => cast_photons(scene, prepass, view, settings, &self.client(self.urgency.priority()), others),

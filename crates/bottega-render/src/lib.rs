@@ -9,6 +9,7 @@
 //! |---|---|
 //! | prepared scenes: surfaces, everything | `src/surfaces.rs`, `src/prepare.rs` |
 //! | prepass of a picture | `src/prepass.rs` |
+//! | the technique of each zone, paths or photons; the trial that chooses it | `src/technique.rs`, `src/integrator/by_zone.rs` |
 //! | luminance | `src/color.rs` |
 //! | densities of light sampling, by solid angle and by area | `src/density.rs` |
 //! | quasi-random numbers | `src/sampler.rs`, `src/sampler/sobol.rs` |
@@ -69,6 +70,7 @@ mod shading;
 mod sharing;
 mod speed;
 mod surfaces;
+mod technique;
 mod vertex;
 mod wave_work;
 mod work;

@@ -200,6 +200,13 @@ impl PreparedScene {
         self.has_panes
     }
 
+    /// Returns `true` if there may be light that paths from the camera cannot find: that of lights without extent over
+    /// mirrors and through glass.
+    pub fn hides_light(&self) -> bool {
+        let scene = self.scene();
+        !scene.lights.is_empty() && scene.materials.iter().any(|material| material.surface.has_mirror())
+    }
+
     /// Returns the memory of the prepared data without the scene, in bytes.
     pub fn memory_bytes(&self) -> usize {
         self.accel.memory_bytes()

@@ -5,9 +5,13 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use crate::{
     ala::{AgentReport, Agents},
     guide::{Guide, UnreadGuide},
-    photon::{MapBytes, Passes, PhotonPlan, PhotonPlans, PhotonStore},
+    photon::{
+        MapBytes, Passes, PhotonPlan, PhotonPlans, PhotonStore,
+        bytes::{ByteForm, Reader, Writer},
+    },
     prepare::PreparedScene,
     settings::{AgentUse, PathSettings, PhotonSettings, View},
+    technique::{TechniquePlan, TechniqueStore, photons_to_try},
 };
 
 /// Data learnt from one scene before its pictures, shared by all threads that render them. Each part is created by the
@@ -19,6 +23,7 @@ pub struct Prepass {
     guides: Mutex<Vec<(GuideKey, GuidePlace)>>,
     photons: PhotonStore,
     photon_plans: PhotonPlans,
+    techniques: TechniqueStore,
 }
 
 /// The key of a guide: view, samples per pixel, uses of agents, and if paths are guided.
@@ -87,9 +92,29 @@ impl Prepass {
         self.guide_place(guide_key(view, settings)).get().is_some()
     }
 
+    /// Returns the technique of each zone of a picture that tries photons. The first caller decides it; others wait.
+    pub(crate) fn technique(
+        &self,
+        view: &View,
+        settings: &PathSettings,
+        decide: impl FnOnce() -> TechniquePlan,
+    ) -> Arc<TechniquePlan> {
+        Arc::clone(self.techniques.place(view, settings).get_or_init(|| Arc::new(decide())))
+    }
+
+    /// Returns the number of zones that photons render, and that of all zones, of a picture that tries photons; `None`:
+    /// nothing is decided yet, or the picture is too small to try them.
+    pub fn zones_by_photons(&self, view: &View, settings: &PathSettings) -> Option<[usize; 2]> {
+        photons_to_try(view, settings)?;
+        Some(self.techniques.place(view, settings).get()?.counts())
+    }
+
     /// Returns the data learnt for a view and settings as bytes, for other machines that render the same picture;
     /// `None`: nothing is learnt yet, or the picture is progressive.
     pub fn learnt(&self, prepared: &PreparedScene, view: &View, settings: &PathSettings) -> Option<Vec<u8>> {
+        if settings.tries_photons {
+            return self.learnt_techniques(prepared, view, settings);
+        }
         match settings.photons {
             None => Some(self.guide_place(guide_key(view, settings)).get()?.to_bytes()),
             Some(photons) => self.passes(prepared, view, photons, settings.seed, 1).to_bytes(),
@@ -108,12 +133,66 @@ impl Prepass {
         settings: &PathSettings,
         bytes: &[u8],
     ) -> Result<(), UnreadGuide> {
+        if settings.tries_photons {
+            return self.take_techniques(prepared, view, settings, bytes);
+        }
         if let Some(photons) = settings.photons {
             let is_taken = self.passes(prepared, view, photons, settings.seed, 1).take_bytes(bytes);
             return is_taken.then_some(()).ok_or(UnreadGuide);
         }
         let guide = Guide::from_bytes(bytes)?;
         self.guide_place(guide_key(view, settings)).get_or_init(|| Arc::new(guide));
+        Ok(())
+    }
+
+    /// Returns plan, guide and maps of a picture that tries photons as bytes: a list of three parts with their lengths.
+    /// Without photons in any zone, the maps are left out.
+    fn learnt_techniques(&self, prepared: &PreparedScene, view: &View, settings: &PathSettings) -> Option<Vec<u8>> {
+        let guide = self.guide_place(guide_key(view, settings)).get().map_or_else(Vec::new, |guide| guide.to_bytes());
+        let (mut plan, mut maps) = (Writer(Vec::new()), Vec::new());
+        if let Some(photons) = photons_to_try(view, settings) {
+            let known = Arc::clone(self.techniques.place(view, settings).get()?);
+            known.write(&mut plan);
+            if known.only() != Some(false) {
+                maps = self.passes(prepared, view, photons, settings.seed, 1).to_bytes()?;
+            }
+        }
+        let mut all = Writer(Vec::new());
+        for part in [plan.0, guide, maps] {
+            all.long(part.len() as u64);
+            all.0.extend(part);
+        }
+        Some(all.0)
+    }
+
+    /// Takes the bytes of [`Self::learnt_techniques`].
+    fn take_techniques(
+        &self,
+        prepared: &PreparedScene,
+        view: &View,
+        settings: &PathSettings,
+        bytes: &[u8],
+    ) -> Result<(), UnreadGuide> {
+        let mut rest = Reader(bytes);
+        let mut part = || {
+            let length = usize::try_from(rest.long()?).ok()?;
+            let (part, after) = rest.0.split_at_checked(length)?;
+            rest = Reader(after);
+            Some(part)
+        };
+        let [plan, guide, maps] = [part(), part(), part()].map(|part| part.ok_or(UnreadGuide));
+        let (plan, guide, maps) = (plan?, guide?, maps?);
+        if !guide.is_empty() {
+            let guide = Guide::from_bytes(guide)?;
+            self.guide_place(guide_key(view, settings)).get_or_init(|| Arc::new(guide));
+        }
+        let Some(photons) = photons_to_try(view, settings) else { return Ok(()) };
+        let plan = TechniquePlan::read(&mut Reader(plan)).ok_or(UnreadGuide)?;
+        let needs_maps = plan.only() != Some(false);
+        if needs_maps && !self.passes(prepared, view, photons, settings.seed, 1).take_bytes(maps) {
+            return Err(UnreadGuide);
+        }
+        self.technique(view, settings, || plan);
         Ok(())
     }
 

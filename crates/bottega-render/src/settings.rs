@@ -113,6 +113,9 @@ pub struct PathSettings {
     pub planned_samples: u32,
     /// Photon mapping instead of path tracing, if set.
     pub photons: Option<PhotonSettings>,
+    /// `true`: a trial decides for each zone of the picture whether paths or [`Self::photons`] render it; `false`: photons
+    /// render all of it, if they are set.
+    pub tries_photons: bool,
 }
 
 /// The settings of photon mapping: photons, final gathering, caches and lighting agents.
@@ -274,6 +277,7 @@ impl Default for PathSettings {
             agents: AgentUse::ALL,
             planned_samples: 64,
             photons: None,
+            tries_photons: false,
         }
     }
 }

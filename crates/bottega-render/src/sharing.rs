@@ -36,6 +36,25 @@ pub trait Sharing: Send + Sync {
     ) -> Result<Vec<Vec<u8>>, RenderError>;
 }
 
+/// The stages after those of another part of a prepass: their numbers begin behind its own.
+pub(crate) struct LaterStages<'a> {
+    /// The machines.
+    pub(crate) others: &'a dyn Sharing,
+    /// Number of stages before.
+    pub(crate) before: u32,
+}
+
+impl Sharing for LaterStages<'_> {
+    fn share(
+        &self,
+        stage: u32,
+        parts: u32,
+        perform: &mut dyn FnMut(u32) -> Result<Vec<u8>, RenderError>,
+    ) -> Result<Vec<Vec<u8>>, RenderError> {
+        self.others.share(self.before + stage, parts, perform)
+    }
+}
+
 /// The executors of work for one picture: local devices, and possibly other machines.
 pub(crate) struct Executors<'a> {
     client: &'a HraClient<RenderWork>,

@@ -187,8 +187,10 @@ impl BlockWork {
         let wanted_surface = WantedSurface::by(layout);
         let wanted = Wanted::by(layout);
         let integrator = Integrator::new(&scene, &prepass, &view, &settings, wanted)?;
-        if let Integrator::Photons(photons) = &integrator {
-            photons.cast(samples.clone());
+        match &integrator {
+            Integrator::Paths(_) => {}
+            Integrator::Photons(photons) => photons.cast(samples.clone()),
+            Integrator::ByZone(both) => both.photons().cast(samples.clone()),
         }
         let mut dropped_count = 0;
         let (mut some, mut records, mut group_sums) = (Vec::new(), Vec::new(), Vec::new());

@@ -1,11 +1,11 @@
 //! The integrator of a picture: the requested one, or else one that finds the same light as the integrator of the scene file.
 
 use bottega_render::PhotonSettings;
-use bottega_scene::{IntegratorHint, PhotonHints, Scene, TransportPaths};
+use bottega_scene::{IntegratorHint, PhotonHints, TransportPaths};
 
 use crate::{
     loaded_scene::LoadedScene,
-    request::{IntegratorChoice, Request, WordChoice},
+    request::{IntegratorChoice, OptimizationChoice, Request, WordChoice},
     settings::{agent_photons, photon_settings},
 };
 
@@ -14,7 +14,7 @@ use crate::{
 pub struct Method {
     /// The integrator: path tracing, photon mapping or lighting agents.
     pub integrator: IntegratorChoice,
-    /// Settings of photons; `None` for path tracing.
+    /// Settings of photons; `None` for path tracing. `auto` tries them.
     pub photons: Option<PhotonSettings>,
     /// A note for the user if the integrator of the scene file is replaced.
     pub note: Option<String>,
@@ -37,12 +37,15 @@ impl Method {
             (None, None) => (IntegratorChoice::Path, None, None),
             (None, Some(hint)) => chosen(hint, subject),
         };
+        // Find out why `auto` cannot try photons
+        let refused = if integrator == IntegratorChoice::Auto { photons_refused(request, subject) } else { None };
         // Collect its settings
         let photons = photon_settings(&request.photons, bounces, hints);
         let photons = match integrator {
             IntegratorChoice::Path => None,
             IntegratorChoice::Photon => Some(photons),
             IntegratorChoice::Ala => Some(agent_photons(&request.lighting_agents, photons)),
+            IntegratorChoice::Auto => Some(photons).filter(|_| refused.is_none()),
         };
         // Explain the replacement of the scene file's integrator
         let name = name(integrator, photons.as_ref());
@@ -55,10 +58,11 @@ impl Method {
             };
             format!("{at}the integrator `{}` is replaced by {name}{why}", hint.name)
         });
+        let note = note.or_else(|| refused.map(|why| format!("--integrator auto uses paths alone: {why}")));
         Self { integrator, photons, note }
     }
 
-    /// Returns the word of the integrator: `path`, `photon` or `ala`.
+    /// Returns the word of the integrator: `path`, `photon`, `ala` or `auto`.
     pub fn word(&self) -> &'static str {
         self.integrator.word()
     }
@@ -77,7 +81,29 @@ fn name(integrator: IntegratorChoice, photons: Option<&PhotonSettings>) -> &'sta
         }
         (IntegratorChoice::Photon, _) => "photon mapping (--integrator photon)",
         (IntegratorChoice::Ala, _) => "lighting agents (--integrator ala)",
+        (IntegratorChoice::Auto, None) => "path tracing (--integrator auto)",
+        (IntegratorChoice::Auto, Some(_)) => "paths or photons by zone (--integrator auto)",
     }
+}
+
+/// Returns the reason why `auto` cannot try photons for a request; `None`: it can.
+fn photons_refused(request: &Request, subject: &LoadedScene) -> Option<&'static str> {
+    /// The layers that paths alone compute.
+    const PATH_LAYERS: [&str; 3] = ["all", "direct", "indirect"];
+    let has = |layers: &Vec<String>| layers.iter().any(|layer| PATH_LAYERS.contains(&&**layer));
+    let reasons = [
+        (
+            request.work.optimization == OptimizationChoice::Off,
+            "photons are slightly blurred, so they are tried only with --optimize vs, s, n, b or vb",
+        ),
+        (subject.prepared.has_media(), "photons do not go through media"),
+        (subject.prepared.moves(), "photons know no time"),
+        (!request.film.light_groups.is_empty(), "photons do not keep the light of groups apart"),
+        (request.film.layers.as_ref().is_some_and(has), "photons do not tell direct from indirect light"),
+        (request.photons.progressive, "progressive photons cannot be mixed with paths"),
+        (request.integrator.wavefront, "rays that are separate units have no photons"),
+    ];
+    reasons.into_iter().find(|(is_so, _)| *is_so).map(|(_, why)| why)
 }
 
 /// Returns the integrator that replaces one of a scene file, its photon hints, and the reason if another one is expected.
@@ -96,7 +122,7 @@ fn chosen(
             (IntegratorChoice::Path, None, Some(MEDIA))
         }
         TransportPaths::Photons(hints) => (IntegratorChoice::Photon, Some(hints), None),
-        TransportPaths::BothEnds if hides_light(subject.scene()) => {
+        TransportPaths::BothEnds if subject.prepared.hides_light() => {
             let reason = ", which also finds what small lights send over mirrors and through glass";
             (IntegratorChoice::Photon, Some(PhotonHints::default()), Some(reason))
         }
@@ -110,9 +136,4 @@ fn photon_hints(hint: &IntegratorHint) -> Option<PhotonHints> {
 
 fn is_replaced(hint: &IntegratorHint) -> bool {
     hint.follows != TransportPaths::Paths { is_ours: true }
-}
-
-/// Returns true if there is light that camera paths cannot find: that of point lights over mirrors and through glass.
-fn hides_light(scene: &Scene) -> bool {
-    !scene.lights.is_empty() && scene.materials.iter().any(|material| material.surface.has_mirror())
 }

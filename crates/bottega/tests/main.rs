@@ -5,6 +5,7 @@ mod board;
 mod request;
 mod resources;
 mod support;
+mod techniques;
 mod tev;
 mod urgency;
 mod viewport;

@@ -2,32 +2,12 @@
 
 use std::{
     path::{Path, PathBuf},
-    sync::{Arc, Mutex},
+    sync::Arc,
 };
 
-use bottega::{Picture, Request, Session, SessionOptions, StopSwitch, Watcher, events::Event};
+use bottega::{Picture, Request, Session, SessionOptions, StopSwitch, events::Event};
 
-use crate::support::processors;
-
-/// An observer that keeps all events.
-#[derive(Default)]
-struct Notes(Mutex<Vec<Event>>);
-
-impl Watcher for Notes {
-    fn event(&self, event: Event) {
-        self.0.lock().unwrap().push(event);
-    }
-}
-
-impl Notes {
-    fn warnings(&self) -> Vec<String> {
-        let message = |event: &Event| match event {
-            Event::Warning { message } => Some(message.clone()),
-            _ => None,
-        };
-        self.0.lock().unwrap().iter().filter_map(message).collect()
-    }
-}
+use crate::support::{Notes, processors};
 
 fn scene(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes").join(name)

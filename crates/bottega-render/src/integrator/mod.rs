@@ -1,5 +1,6 @@
 //! Integrators: they estimate the radiance of a pixel's samples.
 
+mod by_zone;
 mod group_sums;
 mod path;
 mod photon;
@@ -11,7 +12,10 @@ mod turns;
 mod volume;
 mod wave;
 
+pub(crate) use by_zone::choose_techniques;
+use by_zone::{ByZone, Chosen};
 pub(crate) use group_sums::GroupBuffer;
+pub(crate) use path::LEARNING_STAGES;
 pub use path::{PathIntegrator, learn_together};
 pub use photon::PhotonIntegrator;
 pub(crate) use photon::{GatherBuffers, SensorPlace, sensing_settings};
@@ -35,6 +39,8 @@ use crate::{
 pub(crate) enum Integrator<'a> {
     Paths(PathIntegrator<'a>),
     Photons(PhotonIntegrator<'a>),
+    /// Both, each in some zones.
+    ByZone(Box<ByZone<'a>>),
 }
 
 impl<'a> Integrator<'a> {
@@ -46,6 +52,13 @@ impl<'a> Integrator<'a> {
         settings: &'a PathSettings,
         wanted: Wanted,
     ) -> Result<Self, RenderError> {
+        if settings.tries_photons && settings.photons.is_some() {
+            return Ok(match Chosen::new(prepared, prepass, view, settings, wanted)? {
+                Chosen::Paths(paths) => Self::Paths(paths),
+                Chosen::Photons(photons) => Self::Photons(photons),
+                Chosen::ByZone(both) => Self::ByZone(both),
+            });
+        }
         Ok(match settings.photons {
             None => Self::Paths(PathIntegrator::new(prepared, prepass, view, settings)?.with_wanted(wanted)),
             Some(photons) => {
@@ -67,6 +80,7 @@ impl<'a> Integrator<'a> {
         match self {
             Self::Paths(integrator) => compiled::run(SampleBatch { integrator, samples, records, groups }),
             Self::Photons(integrator) => integrator.paint(samples, records),
+            Self::ByZone(both) => both.paint(samples, records),
         }
     }
 }

@@ -32,12 +32,14 @@ use crate::{
 };
 pub(super) use guidance::Guidance;
 use guidance::NO_LEAF;
+pub(crate) use learn::LEARNING_STAGES;
 pub use learn::learn_together;
 pub use setup::PathIntegrator;
 pub(super) use setup::PlannedWays;
 use state::Previous;
 pub(super) use state::{BRANCHES_MAX, Branch, Path};
 pub(super) use suspended::{DeferredLight, SuspendedPath};
+pub(super) use trial::LEARNING_SEED;
 use vertex::PathVertex;
 
 /// Cost of a path vertex in [`SampleValues::cost`](bottega_image::SampleValues::cost), in traversal steps.

@@ -77,6 +77,17 @@ impl<'a> PhotonIntegrator<'a> {
         Ok(Self { base, photons, passes, cache, view: view.clone() })
     }
 
+    /// Returns a copy of this integrator with other settings, such as another seed, and the same maps.
+    pub(super) fn with_settings(&self, settings: &'a PathSettings) -> Self {
+        Self {
+            base: self.base.with_settings(settings),
+            photons: self.photons,
+            passes: Arc::clone(&self.passes),
+            cache: self.cache.clone(),
+            view: self.view.clone(),
+        }
+    }
+
     /// Returns this integrator with other optional values requested.
     pub(crate) fn with_wanted(self, wanted: Wanted) -> Self {
         Self { base: self.base.with_wanted(wanted), ..self }

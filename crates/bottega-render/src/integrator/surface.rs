@@ -44,6 +44,7 @@ impl Integrator<'_> {
         let (integrator, in_volume) = match self {
             Self::Paths(paths) => (paths, paths.goes_alone()),
             Self::Photons(photons) => (photons.base(), false),
+            Self::ByZone(both) => (both.paths(), both.paths().goes_alone()),
         };
         compiled::run(FirstSurfaces { integrator, in_volume, samples, wanted })
     }

@@ -14,12 +14,13 @@ use super::{
 use crate::{
     ala::cast_agents,
     error::RenderError,
-    integrator::PhotonIntegrator,
+    integrator::{LEARNING_STAGES, PathIntegrator, PhotonIntegrator, choose_techniques, learn_together},
     parts::parts,
     prepare::PreparedScene,
     prepass::Prepass,
     settings::{PathSettings, PhotonSettings, View},
-    sharing::{Executors, Sharing},
+    sharing::{Executors, LaterStages, Sharing},
+    technique::photons_to_try,
     work::{RenderOutput, RenderWork},
 };
 
@@ -62,6 +63,34 @@ pub fn cast_photons(
     }
     integrator.cast(0..1);
     Ok(())
+}
+
+/// Prepares a picture that tries photons: learns the guide of its paths, casts the photons, and chooses the technique of
+/// each zone. Does nothing more than learning if the picture has too few samples for photons.
+///
+/// - `prepass`, `client`, `others`: as for [`cast_photons`].
+///
+/// # Errors
+/// The same as [`cast_photons`].
+pub fn prepare_techniques(
+    scene: &Arc<PreparedScene>,
+    prepass: &Arc<Prepass>,
+    view: &View,
+    settings: &PathSettings,
+    client: &HraClient<RenderWork>,
+    others: Option<&dyn Sharing>,
+) -> Result<(), RenderError> {
+    match others {
+        Some(others) => learn_together(scene, prepass, view, settings, others)?,
+        None => drop(PathIntegrator::new(scene, prepass, view, settings)?),
+    }
+    let Some(photons) = photons_to_try(view, settings) else { return Ok(()) };
+    let with_photons = PathSettings { photons: Some(photons), tries_photons: false, ..*settings };
+    // The guide of paths has stages of its own
+    let later = others.map(|others| LaterStages { others, before: LEARNING_STAGES });
+    let others = later.as_ref().map(|later| later as &dyn Sharing);
+    cast_photons(scene, prepass, view, &with_photons, client, others)?;
+    choose_techniques(scene, prepass, view, settings, photons)
 }
 
 /// Builds the maps of one pass.

@@ -26,7 +26,7 @@ mod units;
 pub(crate) use arrivals::LightDirections;
 pub use bounces::IrradiancePlaces;
 pub(crate) use bounces::{BOUNCES_KEPT, BounceShares, ByBounces, IrradianceMap, kept};
-pub use cast::cast_photons;
+pub use cast::{cast_photons, prepare_techniques};
 pub(crate) use estimator::{Estimator, PhotonContribution};
 pub(crate) use lookouts::places_seen;
 pub use map::{NEAREST_MAX, Nearest, PhotonMap};

@@ -26,7 +26,7 @@ use crate::{
     error::Error,
     loaded_scene::LoadedScene,
     method::Method,
-    request::Request,
+    request::{IntegratorChoice, Request},
     settings::{asks_for_agents, directions, filter, guide_agents, max_depth},
 };
 
@@ -90,6 +90,7 @@ impl Plan {
             agents: guide_agents(&request.guide),
             planned_samples: planned_samples(&job),
             photons: method.photons,
+            tries_photons: method.integrator == IntegratorChoice::Auto,
             ..PathSettings::default()
         };
         // Choose devices

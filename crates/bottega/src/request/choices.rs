@@ -58,6 +58,9 @@ choices! {
         /// Autonomous Lighting Agents: a few agents explore the scene first, and answer which points are lit and how much
         /// indirect light they get. No fog.
         Ala,
+        /// Paths or photons, zone by zone, whichever a trial before the picture finds better for its time. Photons are slightly
+        /// blurred, so they are tried only with an `optimization` of the work; without it, paths render everything.
+        Auto,
     }
 
     /// The projection of a camera.

@@ -87,6 +87,15 @@ impl ActiveSession {
         {
             lighting_agents::tell(&swarm, &reporter, &mut metadata);
         }
+        if let Painter::Own(own) = &painter
+            && let Some([photons, all]) = own.engine.zones_by_photons()
+        {
+            metadata.set("zones_by_photons", format!("{photons} of {all}"));
+            let rest = all - photons;
+            reporter.tell(Event::Note {
+                message: format!("auto: photons rendered {photons} of {all} zones, paths {rest}"),
+            });
+        }
         if let Some(Err(problem)) = tev.map(|tev| tev.finish(&report.film)) {
             reporter.warn(format!("tev does not show the picture: {problem}"));
         }

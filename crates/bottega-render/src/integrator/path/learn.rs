@@ -21,6 +21,8 @@ use crate::{
     sharing::Sharing,
 };
 
+/// Number of stages that [`learn_together`] shares, at most: one per trial.
+pub(crate) const LEARNING_STAGES: u32 = 2;
 /// Greatest number of bounces of the paths that the guide learns from.
 const LEARNING_DEPTH: u32 = 24;
 

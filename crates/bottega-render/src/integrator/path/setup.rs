@@ -107,6 +107,23 @@ impl<'a> PathIntegrator<'a> {
         Some(PlannedWays { by_way: PaintingWay::ALL.map(|way| self.in_way(way, guide)), guide: Arc::clone(guide) })
     }
 
+    /// Returns a copy of this integrator with other settings, such as another seed.
+    pub(in crate::integrator) fn with_settings(&self, settings: &'a PathSettings) -> Self {
+        Self {
+            settings,
+            camera: self.camera.clone(),
+            filter: self.filter.clone(),
+            guide: self.guide.clone(),
+            plan: self.plan.clone(),
+            ..*self
+        }
+    }
+
+    /// Returns `true` if paths look up a guide, at least in some zones.
+    pub(in crate::integrator) fn is_guided(&self) -> bool {
+        self.guide.is_some() || self.plan.is_some()
+    }
+
     /// Returns this integrator with other optional values requested.
     #[must_use]
     pub(crate) fn with_wanted(self, wanted: Wanted) -> Self {
