@@ -26,6 +26,8 @@ pub(crate) struct BuiltinPainter {
     pub(crate) engine: Arc<BuiltinEngine>,
     pub(crate) devices: DeviceSet,
     pub(crate) plan: Plan,
+    /// Warnings, to report before rendering begins.
+    pub(crate) notes: Vec<String>,
 }
 
 impl BuiltinPainter {
@@ -81,33 +83,13 @@ impl BuiltinPainter {
             made = engine(samples_in_time(&plan, &made));
         }
         plan.notes.extend(group_notes);
-        Ok(Self { subject, engine: Arc::new(made), devices, plan })
+        let notes = notes(&subject, &devices, &plan);
+        Ok(Self { subject, engine: Arc::new(made), devices, plan, notes })
     }
 
     /// Returns a text with everything that determines the pixels; see [`name_of`].
     pub(crate) fn name(&self, request: &Request) -> String {
         name_of(request, &self.subject, &self.plan)
-    }
-
-    /// Returns the warnings to report before rendering begins.
-    pub(crate) fn notes(&self) -> Vec<String> {
-        let Self { subject, devices, plan, .. } = self;
-        let mut notes = plan.notes.clone();
-        notes.extend(subject.warnings.iter().map(ToString::to_string));
-        notes.extend(plan.method.note.clone());
-        notes.extend(devices.notes.iter().cloned());
-        if wants_waves(plan, devices) {
-            let paths = PathSettings { photons: plan.paths.photons, ..PathSettings::default() };
-            let refusal = Wave::refusal(&subject.prepared, &subject.view, &paths, &plan.job.layout);
-            notes.extend(refusal.map(|why| format!("integrator.wavefront and boards have no effect here: {why}")));
-        }
-        let learns_paths =
-            plan.paths.photons.is_none() && subject.prepared.can_learn(&subject.view, plan.paths.planned_samples);
-        if plan.wants_agents && !learns_paths {
-            let why = "--guide ala has no effect here: it needs path tracing without media and motion, at least 128 × 128 pixels, and at least 524288 samples over all pixels";
-            notes.push(why.to_owned());
-        }
-        notes
     }
 
     /// Reports the faults of devices, and stores the measured costs of work on them.
@@ -177,6 +159,26 @@ fn names_of(names: &PartNames, matte: Aov) -> Vec<&str> {
         Aov::CryptoAsset => parts.map(|[_, asset]| asset.as_str()).collect(),
         _ => parts.map(|[object, _]| object.as_str()).collect(),
     }
+}
+
+/// Returns the warnings to report before rendering begins.
+fn notes(subject: &LoadedScene, devices: &DeviceSet, plan: &Plan) -> Vec<String> {
+    let mut notes = plan.notes.clone();
+    notes.extend(subject.warnings.iter().map(ToString::to_string));
+    notes.extend(plan.method.note.clone());
+    notes.extend(devices.notes.iter().cloned());
+    if wants_waves(plan, devices) {
+        let paths = PathSettings { photons: plan.paths.photons, ..PathSettings::default() };
+        let refusal = Wave::refusal(&subject.prepared, &subject.view, &paths, &plan.job.layout);
+        notes.extend(refusal.map(|why| format!("integrator.wavefront and boards have no effect here: {why}")));
+    }
+    let learns_paths =
+        plan.paths.photons.is_none() && subject.prepared.can_learn(&subject.view, plan.paths.planned_samples);
+    if plan.wants_agents && !learns_paths {
+        let why = "--guide ala has no effect here: it needs path tracing without media and motion, at least 128 × 128 pixels, and at least 524288 samples over all pixels";
+        notes.push(why.to_owned());
+    }
+    notes
 }
 
 /// Returns true if rays are work units of their own. Boards trace only such rays; a GPU renders whole paths much faster.

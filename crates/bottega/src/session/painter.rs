@@ -74,7 +74,7 @@ impl Painter {
     ) -> Result<OpenedPicture, Error> {
         let plan = Plan::of(request, &scene, rules, part)?;
         let painter = BuiltinPainter::open(plan, scene)?;
-        let notes = painter.notes();
+        let notes = painter.notes.clone();
         Ok(Self::Own(Box::new(painter)).opened(request, notes))
     }
 
