@@ -71,8 +71,6 @@ pub enum RenderOutcome {
 pub struct FarmPicture {
     session: Session,
     files: SceneFiles,
-    /// Everything that determines the pixels.
-    name: String,
 }
 
 /// Renders a picture with the machines of a farm, and writes it to the output file of the request.
@@ -99,8 +97,8 @@ impl FarmPicture {
     /// The request cannot be rendered.
     pub fn open(request: &Request, options: SessionOptions) -> Result<Self, Error> {
         let session = Session::open_with(request, options)?;
-        let (files, name) = (session.scene_files()?, session.name()?);
-        Ok(Self { session, files, name })
+        let files = session.scene_files()?;
+        Ok(Self { session, files })
     }
 
     /// Returns the part of the picture that is rendered, in pixels.
@@ -119,11 +117,11 @@ impl FarmPicture {
         watcher: Arc<dyn Watcher>,
         stop: &StopSwitch,
     ) -> Result<RenderOutcome, Error> {
-        let Self { session, files, name } = self;
-        let request = session.request().clone();
+        let Self { session, files } = self;
+        let (request, name) = (session.request().clone(), session.name().map(str::to_owned));
         let reporter = Arc::new(Reporter::new(watcher));
         let (painting, setup) = session.begin(Arc::clone(&reporter))?;
-        let job = SubmittedJob::submit((farm, credentials), &request, &files, Some(&name), stop, &reporter)?;
+        let job = SubmittedJob::submit((farm, credentials), &request, &files, name.as_deref(), stop, &reporter)?;
         match job.paint(setup, &reporter)? {
             JobOutcome::Local(report, leading) => {
                 let picture = painting.finish(*report, stop).map_err(|error| job.unwritten(&error.into()))?;

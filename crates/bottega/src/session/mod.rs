@@ -83,6 +83,7 @@ pub struct Session {
     submitted: Request,
     options: SessionOptions,
     painter: Painter,
+    name: Option<String>,
     settings: JobSettings,
     denoiser: Option<Denoiser>,
     /// Warnings, reported before rendering begins.
@@ -126,8 +127,7 @@ impl Session {
         let opened = Painter::open(request, &PicturePart::Whole { begun, urgency: options.urgency })?;
         // Report a missing denoiser before anything is written.
         let denoiser = denoise::ready(request)?;
-        let name = opened.painter.name(request)?;
-        let journal = PictureJournal::of_request(request, &name, options.resume)?;
+        let journal = PictureJournal::of_request(request, opened.name.as_deref(), options.resume)?;
         Ok(Self { denoiser, journal, ..Self::new(request, options, opened, begun) })
     }
 
@@ -191,13 +191,14 @@ impl Session {
 
     /// Makes a session without denoiser and journal.
     fn new(request: &Request, options: SessionOptions, opened: OpenedPicture, begun: Instant) -> Self {
-        let OpenedPicture { painter, settings, notes } = opened;
+        let OpenedPicture { painter, name, settings, notes } = opened;
         Self {
             request: request.clone(),
             submitted: request.clone(),
             options,
             settings,
             painter,
+            name,
             denoiser: None,
             notes,
             begun,
@@ -286,12 +287,10 @@ impl Session {
     }
 
     /// Returns a text with everything that determines the pixels: two sessions with the same name give the same bits. It does
-    /// not hold the number of agents and threads.
-    ///
-    /// # Errors
-    /// The scene file of another engine cannot be read.
-    pub fn name(&self) -> Result<String, Error> {
-        self.painter.name(&self.request)
+    /// not hold the number of agents and threads. `None`: the session renders zones of another process's job with an
+    /// external engine.
+    pub fn name(&self) -> Option<&str> {
+        self.name.as_deref()
     }
 
     /// Returns the scene files that a farm needs for this picture.
