@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use bottega::{
     Request,
+    agent_rules::RuleTexts,
     devices::DeviceChoice,
-    plan::RuleTexts,
     request::{DeviceOptions, EnvironmentLight, RulesSource, WorkOptions},
 };
 use schemars::JsonSchema;

@@ -22,12 +22,13 @@ use glam::Mat4;
 
 use super::{absolute, layers, located, parameters};
 use crate::{
+    agent_rules::AgentRules,
     builtin::BuiltinPainter,
     devices::threads,
     error::Error,
     identity::identity,
     loaded_scene::LoadedScene,
-    plan::{AgentRules, PicturePart, Plan, check_crop, crop, default_sample_limit, shared_settings},
+    plan::{PicturePart, Plan, check_crop, crop, default_sample_limit, shared_settings},
     request::{BUILTIN, DEPTH_MAX, IntegratorChoice, Request, SAMPLES_MAX, check_size},
     settings::agents,
     text::shown,

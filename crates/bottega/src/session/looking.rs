@@ -11,11 +11,12 @@ use super::{
     painter::{OpenedPicture, Painter},
 };
 use crate::{
+    agent_rules::AgentRules,
     builtin::BuiltinPainter,
     error::Error,
     journal::PictureJournal,
     loaded_scene::LoadedScene,
-    plan::{AgentRules, PicturePart},
+    plan::PicturePart,
     request::{Request, ViewOptions},
 };
 

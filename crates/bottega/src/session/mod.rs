@@ -28,6 +28,7 @@ use bottega_scene::Loaded;
 use self::painter::{Beginning, OpenedPicture, Painter};
 pub use self::{painting::ActiveSession, reporter::Reporter, watcher::Watcher};
 use crate::{
+    agent_rules::AgentRules,
     denoise,
     engines::{ExternalPainter, SceneFiles},
     error::Error,
@@ -35,7 +36,7 @@ use crate::{
     journal::PictureJournal,
     loaded_scene::LoadedScene,
     picture::{Picture, finishing},
-    plan::{AgentRules, PicturePart, Plan, time_goal},
+    plan::{PicturePart, Plan, time_goal},
     preview::{LivePreview, PreviewView, check_preview},
     request::Request,
     settings::tone,

@@ -9,13 +9,14 @@ use bottega_scene::RenderHints;
 
 use super::Reporter;
 use crate::{
+    agent_rules::AgentRules,
     builtin::BuiltinPainter,
     engines::ExternalPainter,
     error::Error,
     events::{EngineShare, Event, corners},
     loaded_scene::LoadedScene,
     picture::REQUEST_KEY,
-    plan::{AgentRules, PicturePart, Plan},
+    plan::{PicturePart, Plan},
     request::{Request, ViewOptions},
     text::shown,
 };
