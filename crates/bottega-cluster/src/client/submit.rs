@@ -127,7 +127,7 @@ impl FarmPicture {
                 let picture = painting.finish(*report, stop).map_err(|error| job.unwritten(&error.into()))?;
                 let failed = picture.report().failed.len();
                 if let Some(leading) = leading
-                    && let Err(error) = job.finish(&leading, failed, &reporter)
+                    && let Err(error) = job.complete(&leading, failed, &reporter)
                 {
                     reporter.warn(format!("the picture is written, but the farm could not be informed: {error}"));
                 }
@@ -271,13 +271,13 @@ impl SubmittedJob {
     }
 
     /// Marks the job as over: its picture is written on this machine.
-    fn finish(&self, leading: &Leading, failed: usize, reporter: &Reporter) -> Result<(), Error> {
+    fn complete(&self, leading: &Leading, failed: usize, reporter: &Reporter) -> Result<(), Error> {
         let state = match failed {
             0 => JobState::Done,
             failed => JobState::Failed { reason: format!("{failed} zones could not be painted") },
         };
         let Member { board, stop, .. } = &self.member;
-        patiently(stop, |line| reporter.say(line), || leading.finish(board, self.number, &state, false))
+        patiently(stop, |line| reporter.say(line), || board.complete(self.number, leading.work, &state, false))
     }
 
     /// Returns the error for a picture that could not be written here. The next leader of the job stores the picture at the
