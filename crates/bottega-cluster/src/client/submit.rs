@@ -96,8 +96,7 @@ impl FarmPicture {
     /// # Errors
     /// The request cannot be rendered.
     pub fn open(request: &Request, options: SessionOptions) -> Result<Self, Error> {
-        let session = Session::open_with(request, options)?;
-        let files = session.scene_files()?;
+        let (session, files) = Session::open_for_farm(request, options)?;
         Ok(Self { session, files })
     }
 

@@ -132,6 +132,20 @@ impl Session {
         Ok(Self { denoiser, journal, ..Self::new(request, options, opened, begun) })
     }
 
+    /// Opens a session like [`Self::open_with`], for a picture that the machines of a farm render together. Returns also the files
+    /// that they need.
+    ///
+    /// # Errors
+    /// Those of [`Self::open_with`], or the engine cannot list the files that its scene refers to.
+    pub fn open_for_farm(request: &Request, options: SessionOptions) -> Result<(Self, SceneFiles), Error> {
+        let session = Self::open_with(request, options)?;
+        let files = match &session.painter {
+            Painter::Own(own) => SceneFiles::of(&own.subject, &own.plan.method),
+            Painter::Other(_) => SceneFiles::gather(&session.request)?,
+        };
+        Ok((session, files))
+    }
+
     /// Opens a session for a scene in memory. The request's `scene.file` serves as its name alone. The session writes no journal,
     /// so it cannot be resumed.
     ///
@@ -292,17 +306,6 @@ impl Session {
     /// external engine.
     pub fn name(&self) -> Option<&str> {
         self.name.as_deref()
-    }
-
-    /// Returns the scene files that a farm needs for this picture.
-    ///
-    /// # Errors
-    /// The engine cannot list the files that its scene refers to.
-    pub fn scene_files(&self) -> Result<SceneFiles, Error> {
-        match &self.painter {
-            Painter::Own(own) => Ok(SceneFiles::of(&own.subject, &own.plan.method)),
-            Painter::Other(_) => SceneFiles::gather(&self.request),
-        }
     }
 
     /// Renders the picture and writes it to the output of the request, if any.
