@@ -21,7 +21,7 @@
 //! |---|---|
 //! | requests: sections, choices, limits, validation | [`request`]: `src/request/sections.rs`, `src/request/choices.rs`, `src/request/limits.rs`, `src/request/validate.rs` |
 //! | requests as JSON; setting one field by its path; readable errors of JSON | `src/request/json.rs`, `src/request/set.rs`; [`json`] |
-//! | from a request to a picture | [`session`]: `src/session/mod.rs`, `src/session/painting.rs`, `src/session/painter.rs`, `src/session/looking.rs` |
+//! | from a request to a picture | [`session`]: `src/session/mod.rs`, `src/session/painting.rs`, `src/session/painter.rs`, `src/session/looking.rs`; sessions of a farm: `src/session/farm.rs` |
 //! | events of a job, and their receivers | [`events`]; `src/session/reporter.rs`, `src/session/watcher.rs` |
 //! | the picture, its files and its metadata | [`picture`] |
 //! | every choice made for a picture; single choices as settings of engines and farm | [`plan`]: `src/plan/job.rs`, `src/plan/part.rs`; [`settings`] |
