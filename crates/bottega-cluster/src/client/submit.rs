@@ -392,7 +392,7 @@ pub(crate) fn order<'a>(
     };
     let (files, transfer) = SentFiles::read(&request.scene.file, &needed.files, environment)?;
     let sent = transfer::send(&transfer, board, me, stop, reporter)?;
-    let request = for_others(request)?;
+    let request = for_others(request, &needed.rules);
     request.to_value().map_err(|source| bottega::Error::Request { origin: "the options".to_owned(), source })?;
     Ok((JobSpec { request, files, engine: needed.engine.clone(), journal: None }, sent))
 }

@@ -39,9 +39,10 @@ impl Session {
     /// Those of [`Self::open_with`], or the engine cannot list the files that its scene refers to.
     pub fn open_for_farm(request: &Request, options: SessionOptions) -> Result<(Self, SceneFiles), Error> {
         let session = Self::open_with(request, options)?;
+        let rules = session.rules.clone();
         let files = match &session.painter {
-            Painter::Own(own) => SceneFiles::of(&own.subject, &own.plan.method),
-            Painter::Other(_) => SceneFiles::gather(&session.request)?,
+            Painter::Own(own) => SceneFiles::of(&own.subject, &own.plan.method, rules),
+            Painter::Other(_) => SceneFiles::gather(&session.request, rules)?,
         };
         Ok((session, files))
     }
@@ -66,13 +67,13 @@ impl Session {
 
     fn examine_scene(request: &Request) -> Result<SceneFiles, Error> {
         let rules = AgentRules::of(request)?;
-        let notes = rules.notes.clone();
+        let (notes, texts) = (rules.notes.clone(), rules.texts.clone());
         let mut files = if request.engine.is_builtin() {
             let scene = LoadedScene::load(request)?;
             let part = PicturePart::Whole { begun: Instant::now(), urgency: Urgency::Picture };
-            SceneFiles::of(&scene, &Plan::of(request, &scene, rules, &part)?.method)
+            SceneFiles::of(&scene, &Plan::of(request, &scene, rules, &part)?.method, texts)
         } else {
-            SceneFiles::gather(request)?
+            SceneFiles::gather(request, texts)?
         };
         files.warnings.splice(0..0, notes);
         Ok(files)

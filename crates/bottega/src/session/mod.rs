@@ -28,7 +28,7 @@ use bottega_scene::Loaded;
 use self::painter::{Beginning, OpenedPicture, Painter};
 pub use self::{farm::JobPart, painting::ActiveSession, reporter::Reporter, watcher::Watcher};
 use crate::{
-    agent_rules::AgentRules,
+    agent_rules::{AgentRules, RuleTexts},
     denoise,
     engines::ExternalPainter,
     error::Error,
@@ -74,6 +74,8 @@ pub struct Session {
     name: Option<String>,
     settings: JobSettings,
     denoiser: Option<Denoiser>,
+    /// The texts of the agents' rules.
+    rules: RuleTexts,
     /// Warnings, reported before rendering begins.
     notes: Vec<String>,
     begun: Instant,
@@ -156,7 +158,7 @@ impl Session {
 
     /// Makes a session without denoiser and journal.
     fn new(request: &Request, options: SessionOptions, opened: OpenedPicture, begun: Instant) -> Self {
-        let OpenedPicture { painter, name, settings, notes } = opened;
+        let OpenedPicture { painter, name, settings, rules, notes } = opened;
         Self {
             request: request.clone(),
             submitted: request.clone(),
@@ -165,6 +167,7 @@ impl Session {
             painter,
             name,
             denoiser: None,
+            rules,
             notes,
             begun,
             journal: None,

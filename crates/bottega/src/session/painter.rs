@@ -9,7 +9,7 @@ use bottega_scene::RenderHints;
 
 use super::Reporter;
 use crate::{
-    agent_rules::AgentRules,
+    agent_rules::{AgentRules, RuleTexts},
     builtin::BuiltinPainter,
     engines::ExternalPainter,
     error::Error,
@@ -37,6 +37,8 @@ pub(super) struct OpenedPicture {
     pub(super) name: Option<String>,
     /// The settings of the job.
     pub(super) settings: JobSettings,
+    /// The texts of the agents' rules.
+    pub(super) rules: RuleTexts,
     /// Warnings, to report before rendering begins.
     pub(super) notes: Vec<String>,
 }
@@ -60,12 +62,13 @@ impl Painter {
         if request.engine.is_builtin() {
             return Self::of_scene(request, LoadedScene::load(request)?, rules, part);
         }
+        let texts = rules.texts.clone();
         let painter = ExternalPainter::open(request, rules, part)?;
         // A name is for a journal, which zones of another process's job do not have
         let is_whole = matches!(part, PicturePart::Whole { .. });
         let name = is_whole.then(|| painter.name(request)).transpose()?;
         let notes = painter.notes.clone();
-        Ok(Self::Other(Box::new(painter)).opened(request, name, notes))
+        Ok(Self::Other(Box::new(painter)).opened(request, name, texts, notes))
     }
 
     /// Plans the picture of a loaded scene and makes the built-in engine for it.
@@ -78,21 +81,22 @@ impl Painter {
         rules: AgentRules,
         part: &PicturePart<'_>,
     ) -> Result<OpenedPicture, Error> {
+        let texts = rules.texts.clone();
         let plan = Plan::of(request, &scene, rules, part)?;
         let painter = BuiltinPainter::open(request, plan, scene)?;
         let (name, notes) = (painter.name.clone(), painter.notes.clone());
-        Ok(Self::Own(Box::new(painter)).opened(request, Some(name), notes))
+        Ok(Self::Own(Box::new(painter)).opened(request, Some(name), texts, notes))
     }
 
     /// Completes the settings of the job by what earlier and later jobs know it by.
-    fn opened(self, request: &Request, name: Option<String>, notes: Vec<String>) -> OpenedPicture {
+    fn opened(self, request: &Request, name: Option<String>, rules: RuleTexts, notes: Vec<String>) -> OpenedPicture {
         let planned = match &self {
             Self::Own(own) => &own.plan.job,
             Self::Other(painter) => &painter.settings,
         };
         let technique = self.technique(planned).into();
         let settings = JobSettings { technique, subject: self.subject(request, planned), ..planned.clone() };
-        OpenedPicture { painter: self, name, settings, notes }
+        OpenedPicture { painter: self, name, settings, rules, notes }
     }
 
     /// Returns the identity of an external engine, the same on all machines that have it; `None`: the built-in engine.
