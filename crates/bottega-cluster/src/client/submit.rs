@@ -123,7 +123,8 @@ impl FarmPicture {
         let job = SubmittedJob::submit((farm, credentials), &request, &files, name.as_deref(), stop, &reporter)?;
         match job.paint(setup, &reporter)? {
             JobOutcome::Local(report, leading) => {
-                let picture = painting.finish(*report, stop).map_err(|error| job.unwritten(&error.into()))?;
+                let picture = painting.finish(*report, stop).and_then(|picture| picture.write().map(|()| picture));
+                let picture = picture.map_err(|error| job.unwritten(&error.into()))?;
                 let failed = picture.report().failed.len();
                 if let Some(leading) = leading
                     && let Err(error) = job.complete(&leading, failed, &reporter)

@@ -251,7 +251,7 @@ impl Session {
                 painting.reporter().warn(format!("cannot store the experience of this job: {reason}"));
             }
         }
-        painting.finish(report, stop)?.close()
+        painting.finish(report, stop)?.deliver()
     }
 
     /// Begins rendering: reports the start and returns the values for [`bottega_farm::run`]. For callers that run the job
