@@ -11,7 +11,7 @@
 //! |---|---|
 //! | **`files`**: scene files by content hash; chunks, pieces, the cache of a machine | `src/files/sent_files.rs`, `src/files/chunks.rs`, `src/files/pieces.rs`, [`cache`] |
 //! | **`job`**: the record of a job: a [`Request`](bottega::Request) and the digests of its files | `src/job/record.rs` |
-//! | the jobs of a farm, their leaders and progress | `src/job/board.rs`, [`view`]; jobs that wait although machines are free: `src/job/stall_watch.rs` |
+//! | the jobs of a farm, their leaders and progress; the end of a job | `src/job/board.rs`, [`view`]; `src/job/completion.rs`; jobs that wait although machines are free: `src/job/stall_watch.rs` |
 //! | the presence of a machine; its activity, usage and refusals; commands to it | [`presence`], `src/job/activity.rs`, [`usage`], [`refusals`], [`machines`] |
 //! | the Blackboard rows of a job; its agents, its auction and the credit of machines; zones to render again | [`blackboard`], [`society`], `src/job/requeue.rs` |
 //! | messages between the agents of a job, for observers; their transport over NATS | [`messages`]; `src/job/transport.rs` |

@@ -11,10 +11,10 @@ use bottega_scene::PartNames;
 use crate::{
     devices::{DeviceSet, PainterWish, are_worth_waves, costs, incident_line, unused_boards_warning},
     error::Error,
-    journal::name_of,
+    identity::identity,
     loaded_scene::LoadedScene,
     plan::Plan,
-    request::Request,
+    request::{Request, ViewOptions},
     session::Reporter,
     settings::light_groups,
     text::shown,
@@ -26,6 +26,11 @@ pub(crate) struct BuiltinPainter {
     pub(crate) engine: Arc<BuiltinEngine>,
     pub(crate) devices: DeviceSet,
     pub(crate) plan: Plan,
+    /// A text with everything that determines the pixels: two pictures with the same name have the same bits. It does not hold the
+    /// number of agents and threads, so that another machine can resume the work.
+    pub(crate) name: String,
+    /// Warnings, to report before rendering begins.
+    pub(crate) notes: Vec<String>,
 }
 
 impl BuiltinPainter {
@@ -33,7 +38,7 @@ impl BuiltinPainter {
     ///
     /// # Errors
     /// A device requested by name is missing or does not support this picture.
-    pub(crate) fn open(mut plan: Plan, subject: LoadedScene) -> Result<Self, Error> {
+    pub(crate) fn open(request: &Request, mut plan: Plan, subject: LoadedScene) -> Result<Self, Error> {
         // Gather the devices that support the scene
         let Plan { job, paths, .. } = &plan;
         let wanted = PainterWish {
@@ -81,33 +86,8 @@ impl BuiltinPainter {
             made = engine(samples_in_time(&plan, &made));
         }
         plan.notes.extend(group_notes);
-        Ok(Self { subject, engine: Arc::new(made), devices, plan })
-    }
-
-    /// Returns a text with everything that determines the pixels; see [`name_of`].
-    pub(crate) fn name(&self, request: &Request) -> String {
-        name_of(request, &self.subject, &self.plan)
-    }
-
-    /// Returns the warnings to report before rendering begins.
-    pub(crate) fn notes(&self) -> Vec<String> {
-        let Self { subject, devices, plan, .. } = self;
-        let mut notes = plan.notes.clone();
-        notes.extend(subject.warnings.iter().map(ToString::to_string));
-        notes.extend(plan.method.note.clone());
-        notes.extend(devices.notes.iter().cloned());
-        if wants_waves(plan, devices) {
-            let paths = PathSettings { photons: plan.paths.photons, ..PathSettings::default() };
-            let refusal = Wave::refusal(&subject.prepared, &subject.view, &paths, &plan.job.layout);
-            notes.extend(refusal.map(|why| format!("integrator.wavefront and boards have no effect here: {why}")));
-        }
-        let learns_paths =
-            plan.paths.photons.is_none() && subject.prepared.can_learn(&subject.view, plan.paths.planned_samples);
-        if plan.wants_agents && !learns_paths {
-            let why = "--guide ala has no effect here: it needs path tracing without media and motion, at least 128 × 128 pixels, and at least 524288 samples over all pixels";
-            notes.push(why.to_owned());
-        }
-        notes
+        let (name, notes) = (name(request, &subject, &plan), notes(&subject, &devices, &plan));
+        Ok(Self { subject, engine: Arc::new(made), devices, plan, name, notes })
     }
 
     /// Reports the faults of devices, and stores the measured costs of work on them.
@@ -177,6 +157,58 @@ fn names_of(names: &PartNames, matte: Aov) -> Vec<&str> {
         Aov::CryptoAsset => parts.map(|[_, asset]| asset.as_str()).collect(),
         _ => parts.map(|[object, _]| object.as_str()).collect(),
     }
+}
+
+/// Returns the text of [`BuiltinPainter::name`].
+fn name(request: &Request, subject: &LoadedScene, plan: &Plan) -> String {
+    let Plan { method, paths, job: settings, .. } = plan;
+    [
+        format!("version={}", identity()),
+        format!("scene={}", subject.scene().digest),
+        format!("camera={}", subject.camera),
+        format!("pose={:?}", request.view.pose),
+        format!("view={:?}", ViewOptions { camera: None, pose: None, ..request.view.clone() }),
+        format!("size={}x{}", settings.width, settings.height),
+        format!("crop={}", settings.crop),
+        format!("spp={}", settings.samples),
+        format!("max-depth={}", settings.tunables.max_depth),
+        format!("light-samples={}", request.integrator.light_samples),
+        format!("seed={}", request.seed),
+        format!("integrator={:?}", method.integrator),
+        format!("photons={:?}", method.photons),
+        format!("guiding={}", paths.guiding),
+        format!("agents={:?}", paths.agents),
+        format!("filter={:?}", paths.filter),
+        format!("optimize={}", settings.optimization),
+        format!("error={:?}", request.goal.error),
+        format!("timed={}", request.goal.time.is_some()),
+        format!("env={:?}", request.environment.light),
+        format!("env-rotate={}", request.environment.rotate),
+        format!("env-strength={}", request.environment.strength),
+        format!("aov={:?}", settings.layout.aovs().iter().collect::<Vec<_>>()),
+        format!("light-groups={:?}", plan.light_groups),
+    ]
+    .join("; ")
+}
+
+/// Returns the warnings to report before rendering begins.
+fn notes(subject: &LoadedScene, devices: &DeviceSet, plan: &Plan) -> Vec<String> {
+    let mut notes = plan.notes.clone();
+    notes.extend(subject.warnings.iter().map(ToString::to_string));
+    notes.extend(plan.method.note.clone());
+    notes.extend(devices.notes.iter().cloned());
+    if wants_waves(plan, devices) {
+        let paths = PathSettings { photons: plan.paths.photons, ..PathSettings::default() };
+        let refusal = Wave::refusal(&subject.prepared, &subject.view, &paths, &plan.job.layout);
+        notes.extend(refusal.map(|why| format!("integrator.wavefront and boards have no effect here: {why}")));
+    }
+    let learns_paths =
+        plan.paths.photons.is_none() && subject.prepared.can_learn(&subject.view, plan.paths.planned_samples);
+    if plan.wants_agents && !learns_paths {
+        let why = "--guide ala has no effect here: it needs path tracing without media and motion, at least 128 × 128 pixels, and at least 524288 samples over all pixels";
+        notes.push(why.to_owned());
+    }
+    notes
 }
 
 /// Returns true if rays are work units of their own. Boards trace only such rays; a GPU renders whole paths much faster.

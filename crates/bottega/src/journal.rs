@@ -8,13 +8,7 @@ use std::{
 
 use bottega_farm::{Journal, JournalContents, JournalWriter, ZoneStore};
 
-use crate::{
-    error::Error,
-    identity::identity,
-    loaded_scene::LoadedScene,
-    plan::Plan,
-    request::{Request, ViewOptions},
-};
+use crate::{error::Error, request::Request};
 
 /// The journal of a picture, opened for writing, with the zones it already holds.
 pub struct PictureJournal {
@@ -33,19 +27,22 @@ pub fn journal_of(output: &Path) -> PathBuf {
     PathBuf::from(path)
 }
 
-/// Returns true if the file is a readable journal of the picture with this name; see [`name_of`].
+/// Returns true if the file is a readable journal of the picture with this name; see [`Session::name`](crate::Session::name).
 pub fn is_journal_of(path: &Path, name: &str) -> bool {
     let journal = File::open(path).ok().and_then(|file| Journal::read(BufReader::new(file)).ok());
     journal.is_some_and(|journal| journal.name == name)
 }
 
 impl PictureJournal {
-    /// Opens the journal beside the output of a request; `None`: the request has no output file.
+    /// Opens the journal beside the output of a request; `None`: the request has no output file, or the picture no name.
+    ///
+    /// - `name`: a text with everything that determines the pixels; see [`Session::name`](crate::Session::name).
     ///
     /// # Errors
     /// The journal cannot be written; or `resume` is set and there is no journal of this picture.
-    pub fn of_request(request: &Request, name: &str, resume: bool) -> Result<Option<Self>, Error> {
-        request.output.file.as_deref().map(|file| Self::begin(file, name, resume)).transpose()
+    pub fn of_request(request: &Request, name: Option<&str>, resume: bool) -> Result<Option<Self>, Error> {
+        let named = request.output.file.as_deref().zip(name);
+        named.map(|(file, name)| Self::begin(file, name, resume)).transpose()
     }
 
     /// Creates the journal of `output`, or with `resume` opens the existing one.
@@ -90,39 +87,6 @@ impl PictureJournal {
         file.seek(SeekFrom::End(0)).map_err(write)?;
         Ok(Self { path, store: Box::new(JournalWriter::append(file)), kept: journal.kept })
     }
-}
-
-/// Returns a text with everything that determines the pixels: two works with the same name give the same bits. It does not hold
-/// the number of agents and threads, so that another machine can resume the work.
-pub fn name_of(request: &Request, subject: &LoadedScene, plan: &Plan) -> String {
-    let Plan { method, paths, job: settings, .. } = plan;
-    [
-        format!("version={}", identity()),
-        format!("scene={}", subject.scene().digest),
-        format!("camera={}", subject.camera),
-        format!("pose={:?}", request.view.pose),
-        format!("view={:?}", ViewOptions { camera: None, pose: None, ..request.view.clone() }),
-        format!("size={}x{}", settings.width, settings.height),
-        format!("crop={}", settings.crop),
-        format!("spp={}", settings.samples),
-        format!("max-depth={}", settings.tunables.max_depth),
-        format!("light-samples={}", request.integrator.light_samples),
-        format!("seed={}", request.seed),
-        format!("integrator={:?}", method.integrator),
-        format!("photons={:?}", method.photons),
-        format!("guiding={}", paths.guiding),
-        format!("agents={:?}", paths.agents),
-        format!("filter={:?}", paths.filter),
-        format!("optimize={}", settings.optimization),
-        format!("error={:?}", request.goal.error),
-        format!("timed={}", request.goal.time.is_some()),
-        format!("env={:?}", request.environment.light),
-        format!("env-rotate={}", request.environment.rotate),
-        format!("env-strength={}", request.environment.strength),
-        format!("aov={:?}", settings.layout.aovs().iter().collect::<Vec<_>>()),
-        format!("light-groups={:?}", plan.light_groups),
-    ]
-    .join("; ")
 }
 
 /// Returns the first difference of two names, as a clause.

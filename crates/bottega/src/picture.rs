@@ -91,11 +91,21 @@ impl Picture {
     ///
     /// # Errors
     /// Those of [`Self::save`].
-    pub(crate) fn write(&self) -> Result<(), Error> {
+    pub fn write(&self) -> Result<(), Error> {
         self.request.output.file.as_deref().map_or(Ok(()), |file| self.save(file))
     }
 
-    /// Reports the end of the job, and removes the journal if the picture is complete. Returns the picture.
+    /// Writes the picture like [`Self::write`], then closes it like [`Self::close`].
+    ///
+    /// # Errors
+    /// The picture cannot be written, or zones could not be painted.
+    pub fn deliver(self) -> Result<Self, Error> {
+        self.write()?;
+        self.close()
+    }
+
+    /// Reports the end of the job, and removes the journal if the picture is complete. Returns the picture. For callers that must
+    /// inform others of a written picture first; [`Self::deliver`] does everything.
     ///
     /// # Errors
     /// Zones could not be painted.

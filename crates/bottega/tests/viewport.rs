@@ -46,7 +46,7 @@ fn a_session_that_looks_from_elsewhere_paints_the_bits_of_one_that_was_opened_so
     let own = bits(Session::open(&request).expect("it is opened"));
     assert_ne!(own, wanted, "the view is another one");
     let looked = Session::open(&request).and_then(|session| session.look(&view)).expect("it looks");
-    assert_eq!(looked.name().unwrap(), Session::open(&there).and_then(|session| session.name()).unwrap());
+    assert_eq!(looked.name().expect("a name"), Session::open(&there).expect("it is opened").name().expect("a name"));
     assert_eq!(bits(looked), wanted);
     let back = Session::open(&there).and_then(|session| session.look(&ViewOptions::default())).expect("it looks back");
     assert_eq!(bits(back), own);

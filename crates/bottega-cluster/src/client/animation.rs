@@ -168,7 +168,8 @@ fn submit(
     let mut wanted = BTreeMap::new();
     let jobs = frame_jobs(request, &missing, |of_frame| new_job(of_frame, &files, me))?;
     for (frame, of_frame, job) in jobs {
-        let number = board.submit(&job, &JobSpec { request: for_others(&of_frame)?, ..order.clone() })?;
+        let spec = JobSpec { request: for_others(&of_frame, &files.rules), ..order.clone() };
+        let number = board.submit(&job, &spec)?;
         let output = of_frame.output.file.unwrap_or_default();
         wanted.insert(number, WantedFrame { frame, work: job.work, output });
     }

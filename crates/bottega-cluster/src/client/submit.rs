@@ -71,8 +71,6 @@ pub enum RenderOutcome {
 pub struct FarmPicture {
     session: Session,
     files: SceneFiles,
-    /// Everything that determines the pixels.
-    name: String,
 }
 
 /// Renders a picture with the machines of a farm, and writes it to the output file of the request.
@@ -98,9 +96,8 @@ impl FarmPicture {
     /// # Errors
     /// The request cannot be rendered.
     pub fn open(request: &Request, options: SessionOptions) -> Result<Self, Error> {
-        let session = Session::open_with(request, options)?;
-        let (files, name) = (session.scene_files()?, session.name()?);
-        Ok(Self { session, files, name })
+        let (session, files) = Session::open_for_farm(request, options)?;
+        Ok(Self { session, files })
     }
 
     /// Returns the part of the picture that is rendered, in pixels.
@@ -119,17 +116,18 @@ impl FarmPicture {
         watcher: Arc<dyn Watcher>,
         stop: &StopSwitch,
     ) -> Result<RenderOutcome, Error> {
-        let Self { session, files, name } = self;
-        let request = session.request().clone();
+        let Self { session, files } = self;
+        let (request, name) = (session.request().clone(), session.name().map(str::to_owned));
         let reporter = Arc::new(Reporter::new(watcher));
         let (painting, setup) = session.begin(Arc::clone(&reporter))?;
-        let job = SubmittedJob::submit((farm, credentials), &request, &files, Some(&name), stop, &reporter)?;
+        let job = SubmittedJob::submit((farm, credentials), &request, &files, name.as_deref(), stop, &reporter)?;
         match job.paint(setup, &reporter)? {
             JobOutcome::Local(report, leading) => {
-                let picture = painting.finish(*report, stop).map_err(|error| job.unwritten(&error.into()))?;
+                let picture = painting.finish(*report, stop).and_then(|picture| picture.write().map(|()| picture));
+                let picture = picture.map_err(|error| job.unwritten(&error.into()))?;
                 let failed = picture.report().failed.len();
                 if let Some(leading) = leading
-                    && let Err(error) = job.finish(&leading, failed, &reporter)
+                    && let Err(error) = job.complete(&leading, failed, &reporter)
                 {
                     reporter.warn(format!("the picture is written, but the farm could not be informed: {error}"));
                 }
@@ -273,13 +271,13 @@ impl SubmittedJob {
     }
 
     /// Marks the job as over: its picture is written on this machine.
-    fn finish(&self, leading: &Leading, failed: usize, reporter: &Reporter) -> Result<(), Error> {
+    fn complete(&self, leading: &Leading, failed: usize, reporter: &Reporter) -> Result<(), Error> {
         let state = match failed {
             0 => JobState::Done,
             failed => JobState::Failed { reason: format!("{failed} zones could not be painted") },
         };
         let Member { board, stop, .. } = &self.member;
-        patiently(stop, |line| reporter.say(line), || leading.finish(board, self.number, &state, false))
+        patiently(stop, |line| reporter.say(line), || board.complete(self.number, leading.work, &state, false))
     }
 
     /// Returns the error for a picture that could not be written here. The next leader of the job stores the picture at the
@@ -395,7 +393,7 @@ pub(crate) fn order<'a>(
     };
     let (files, transfer) = SentFiles::read(&request.scene.file, &needed.files, environment)?;
     let sent = transfer::send(&transfer, board, me, stop, reporter)?;
-    let request = for_others(request)?;
+    let request = for_others(request, &needed.rules);
     request.to_value().map_err(|source| bottega::Error::Request { origin: "the options".to_owned(), source })?;
     Ok((JobSpec { request, files, engine: needed.engine.clone(), journal: None }, sent))
 }

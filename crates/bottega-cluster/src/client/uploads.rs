@@ -183,11 +183,11 @@ impl JobBoard {
         };
         let mut jobs = Vec::new();
         if spec.request.frames.is_none() {
-            jobs.push((new_job(&spec.request), for_others(&spec.request)?));
+            jobs.push((new_job(&spec.request), for_others(&spec.request, &files.rules)));
         }
         let frames = spec.request.missing_frames(false)?;
         for (_, request, job) in frame_jobs(&spec.request, &frames, new_job)? {
-            jobs.push((job, for_others(&request)?));
+            jobs.push((job, for_others(&request, &files.rules)));
         }
         let submit =
             |(job, request): &(Job, Request)| self.submit(job, &JobSpec { request: request.clone(), ..order.clone() });

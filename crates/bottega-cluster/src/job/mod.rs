@@ -5,6 +5,7 @@
 pub(crate) mod activity;
 pub mod blackboard;
 pub(crate) mod board;
+pub(crate) mod completion;
 pub mod energy;
 pub(crate) mod experience;
 pub(crate) mod first_look;

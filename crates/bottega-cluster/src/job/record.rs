@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use bottega::{
     Request,
+    agent_rules::RuleTexts,
     devices::DeviceChoice,
-    plan::RuleTexts,
     request::{DeviceOptions, EnvironmentLight, RulesSource, WorkOptions},
 };
 use schemars::JsonSchema;
@@ -179,18 +179,16 @@ mod request_json {
 
 /// Returns the request for other machines: rules as inline text, without settings that only concern this machine.
 ///
-/// # Errors
-/// A file of rules cannot be read.
-pub(crate) fn for_others(request: &Request) -> Result<Request, Error> {
+/// - `rules`: the texts of the rules.
+pub(crate) fn for_others(request: &Request, rules: &RuleTexts) -> Request {
     let mut request = request.clone();
-    let RuleTexts { agents: of_agents, choice } = RuleTexts::of(&request)?;
-    request.work.rules = of_agents.into_iter().map(RulesSource::Text).collect();
-    request.engine.rules = choice.map(RulesSource::Text);
+    request.work.rules = rules.agents.iter().cloned().map(RulesSource::Text).collect();
+    request.engine.rules = rules.choice.clone().map(RulesSource::Text);
     let WorkOptions { agents, .. } = &mut request.work;
     *agents = None;
     let DeviceOptions { threads, names, .. } = &mut request.devices;
     (*threads, *names) = (None, DeviceChoice::Auto.names());
-    Ok(request)
+    request
 }
 
 impl JobSpec {
@@ -242,4 +240,23 @@ impl JobSpec {
 /// Returns the current time in seconds since 1970.
 pub fn unix_seconds() -> u64 {
     crate::clock::since_1970().as_secs()
+}
+
+#[cfg(test)]
+mod tests {
+    use bottega::request::RulesText;
+
+    use super::*;
+
+    #[test]
+    fn a_request_for_other_machines_has_the_rules_that_were_read_and_no_devices_of_this_one() {
+        let mut request = Request::new("scene.glb");
+        request.work.rules = vec![RulesSource::File("no-such-file.fcl".into())];
+        (request.work.agents, request.devices.threads) = (Some(3), Some(2));
+        let text =
+            RulesText { name: "no-such-file.fcl".into(), text: "FUNCTION_BLOCK mine END_FUNCTION_BLOCK".to_owned() };
+        let sent = for_others(&request, &RuleTexts { agents: vec![text.clone()], choice: None });
+        assert_eq!(sent.work.rules, [RulesSource::Text(text)]);
+        assert_eq!((sent.work.agents, sent.devices.threads, sent.engine.rules), (None, None, None));
+    }
 }

@@ -10,8 +10,8 @@ use std::{
 
 use bottega::{
     Event,
+    agent_rules::RuleTexts,
     events::ZoneEvent,
-    plan::RuleTexts,
     request::{RulesSource, RulesText},
     rule_view::{RuleInputs, RuleSetView, RuleVerdict},
 };

@@ -11,7 +11,7 @@ use std::{
 
 use bottega::session::PaintingSetup;
 use bottega_engines::RenderEngine;
-use bottega_farm::{Goal, JobReport, JobSettings, Link, StopSwitch, WorkId};
+use bottega_farm::{Goal, JobReport, JobSettings, StopSwitch, WorkId};
 use bottega_image::Canvas;
 
 use crate::{
@@ -24,7 +24,6 @@ use crate::{
         presence::Presence,
         record::{Job, JobState, PaintingTurn},
         refusals::RefusalWatch,
-        shared_parts,
         society::SeenSociety,
         transport::job_link,
     },
@@ -123,7 +122,7 @@ pub(crate) fn take_part(
         let settings = &JobSettings { credits: board.credits(), ..settings.clone() };
         let (store, kept) = (setup.store.take(), setup.kept.take());
         let leading = Arc::clone(&observer);
-        let report = bottega_farm::lead(settings, engine, observer, &this, store, kept, Some(link.clone()));
+        let report = bottega_farm::lead(settings, engine, observer, &this, store, kept, Some(link));
         activity.under_way(0);
         // Break the cycle: the Master refers to the agents, and they to this observer.
         *leading.master.lock().unwrap_or_else(PoisonError::into_inner) = None;
@@ -138,7 +137,7 @@ pub(crate) fn take_part(
             PartOutcome::Left(Some(report))
         } else {
             // Stay busy until the picture is stored.
-            PartOutcome::Led(report, Leading { _occupation: activity.occupy(), _watch: watch, link })
+            PartOutcome::Led(report, Leading { work: job.work, _occupation: activity.occupy(), _watch: watch })
         });
     }
     let helped = bottega_farm::assist(settings, engine, observer, &this, link);
@@ -191,43 +190,10 @@ fn learn_from_others(board: &JobBoard, job: &Job, engine: &dyn RenderEngine) -> 
 
 /// The lead of a finished painting, held until it is dropped.
 pub(crate) struct Leading {
+    /// The number of the painting.
+    pub(crate) work: u64,
     _occupation: Occupation,
     _watch: PartWatch,
-    link: Link,
-}
-
-impl Leading {
-    /// Marks the job as over once its picture is written, and deletes the data of its painting.
-    ///
-    /// - `is_kept`: `true` if the farm stores the picture.
-    pub(crate) fn finish(&self, board: &JobBoard, number: u32, state: &JobState, is_kept: bool) -> Result<(), Error> {
-        // Read the job before it is over: until then its rows are those of the store.
-        let work = self.link.work.0;
-        let painted = board.get(number).filter(|job| !job.state.is_over() && job.work == work);
-        board.change(number, |job| {
-            // Another process may have finished it while this one was suspended, or restarted it.
-            if job.work != work || job.state == JobState::Done {
-                return false;
-            }
-            job.say(match state {
-                JobState::Failed { reason } => format!("failed: {reason}"),
-                state => state.word().to_owned(),
-            });
-            job.state = state.clone();
-            job.kept |= is_kept;
-            true
-        })?;
-        if let Some(job) = &painted {
-            board.keep_rows(job);
-            board.keep_rule_inputs(job.work);
-        }
-        self.link.forget();
-        board.forget_learnt(work);
-        board.forget_requeues(number);
-        board.forget_first_look(work);
-        shared_parts::forget(board, work);
-        Ok(())
-    }
 }
 
 /// A thread that renews the lease and presence of a part in a job, and stops the part when it is over.

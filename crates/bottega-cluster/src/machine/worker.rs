@@ -353,7 +353,7 @@ impl Worker {
                 }
                 failed => JobState::Failed { reason: format!("{failed} zones could not be painted") },
             };
-            patiently(stop, say, || leading.finish(board, number, &state, state == JobState::Done))?;
+            patiently(stop, say, || board.complete(number, leading.work, &state, state == JobState::Done))?;
         } else if is_over {
             self.helped = Some(job.turn());
         }

@@ -22,12 +22,13 @@ use glam::Mat4;
 
 use super::{absolute, layers, located, parameters};
 use crate::{
+    agent_rules::AgentRules,
     builtin::BuiltinPainter,
     devices::threads,
     error::Error,
     identity::identity,
     loaded_scene::LoadedScene,
-    plan::{AgentRules, PicturePart, Plan, check_crop, crop, default_sample_limit, shared_settings},
+    plan::{PicturePart, Plan, check_crop, crop, default_sample_limit, shared_settings},
     request::{BUILTIN, DEPTH_MAX, IntegratorChoice, Request, SAMPLES_MAX, check_size},
     settings::agents,
     text::shown,
@@ -155,7 +156,7 @@ impl ExternalPainter {
         move || other.samples_done() + own.as_ref().map_or(0, |own| own.samples_done())
     }
 
-    /// Returns a text with everything that determines the pixels; see [`crate::journal::name_of`].
+    /// Returns a text with everything that determines the pixels; see [`Session::name`](crate::Session::name).
     ///
     /// # Errors
     /// The scene file cannot be read.
@@ -401,7 +402,7 @@ fn own(request: &Request, opened: &Opened, title: &str, rules: AgentRules, layou
     // Each engine gets half of the processors.
     let half = JobSettings { processors: (settings.processors / 2).max(1), ..settings.clone() };
     let has_depth = subject.hints.max_depth.is_some();
-    let own = BuiltinPainter::open(Plan { job: half, ..plan }, subject)?;
+    let own = BuiltinPainter::open(&request, Plan { job: half, ..plan }, subject)?;
     Ok(OwnEngine { engine: own.engine, settings, has_depth })
 }
 
@@ -423,7 +424,7 @@ fn surveyor(request: &Request, located: &LocatedEngine, opened: &Opened) -> Opti
         let look = || -> Result<Survey, Error> {
             let subject = LoadedScene::load(&request)?;
             let plan = Plan::of(&request, &subject, AgentRules::built_in(), &PicturePart::BesideEngine)?;
-            Ok(BuiltinPainter::open(plan, subject)?.engine.survey(width, height)?)
+            Ok(BuiltinPainter::open(&request, plan, subject)?.engine.survey(width, height)?)
         };
         // If the built-in engine cannot read the scene, the external one surveys it.
         look()

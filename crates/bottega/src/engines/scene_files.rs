@@ -1,4 +1,4 @@
-//! The scene files that a farm needs to render with an engine.
+//! The files of a scene, its engine and its agents' rules, which a farm needs to render it.
 
 use std::{
     collections::BTreeSet,
@@ -9,15 +9,17 @@ use bottega_engines::external::Files;
 use bottega_scene::SceneFile;
 
 use super::{absolute, located};
-use crate::{error::Error, loaded_scene::LoadedScene, method::Method, request::Request};
+use crate::{agent_rules::RuleTexts, error::Error, loaded_scene::LoadedScene, method::Method, request::Request};
 
-/// The files of a scene, and the engine that renders it.
+/// The files of a scene, the engine that renders it, and the rules of its agents.
 #[derive(Clone, Debug, Default)]
 pub struct SceneFiles {
     /// Files that the scene refers to.
     pub files: Vec<SceneFile>,
     /// Identity of the external engine that all machines must have; `None`: the built-in engine.
     pub engine: Option<String>,
+    /// The texts of the agents' rules, as they were checked.
+    pub rules: RuleTexts,
     /// Warnings for the user.
     pub warnings: Vec<String>,
     /// Readable name of the method of the built-in engine; `None` with an external engine.
@@ -28,18 +30,21 @@ impl SceneFiles {
     /// Returns the files of a scene that the built-in engine has loaded.
     ///
     /// - `method`: the integrator planned for the scene.
-    pub fn of(subject: &LoadedScene, method: &Method) -> Self {
+    /// - `rules`: the texts of the agents' rules.
+    pub fn of(subject: &LoadedScene, method: &Method, rules: RuleTexts) -> Self {
         let warnings = subject.warnings.iter().map(ToString::to_string).chain(method.note.clone()).collect();
         let method = method.note.clone().unwrap_or_else(|| format!("painted by {}", method.name()));
-        Self { files: subject.files.clone(), engine: None, warnings, method: Some(method) }
+        Self { files: subject.files.clone(), engine: None, rules, warnings, method: Some(method) }
     }
 
     /// Asks the external engine of a request for the files that its scene refers to. Files that are missing, or that the scene
     /// may not use, are left out with a warning.
     ///
+    /// - `rules`: the texts of the agents' rules.
+    ///
     /// # Errors
     /// The scene file does not exist, or the engine is not installed or cannot list the files.
-    pub fn gather(request: &Request) -> Result<Self, Error> {
+    pub fn gather(request: &Request, rules: RuleTexts) -> Result<Self, Error> {
         // Ask the engine for the files of the scene
         let (name, _) = request.engine.other()?;
         let engine = located(&request.engine.manifests, name)?;
@@ -72,7 +77,7 @@ impl SceneFiles {
             )
         });
         let warnings = warnings.chain(kept_back).collect();
-        Ok(Self { files: files.collect(), engine: Some(engine.identity()), warnings, method: None })
+        Ok(Self { files: files.collect(), engine: Some(engine.identity()), rules, warnings, method: None })
     }
 }
 

@@ -3,7 +3,6 @@
 //! A plan holds values alone; `src/builtin.rs` makes the engine of it. The environment belongs to the scene, so it is chosen where
 //! the scene is loaded: see [`loaded_scene`](crate::loaded_scene).
 
-mod agent_rules;
 mod job;
 mod part;
 
@@ -13,15 +12,13 @@ use bottega_engines::Urgency;
 use bottega_farm::{Goal, JobSettings};
 use bottega_render::PathSettings;
 
-pub use self::{
-    agent_rules::{AgentRules, RuleTexts},
-    part::PicturePart,
-};
+pub use self::part::PicturePart;
 pub(crate) use self::{
     job::{check_crop, crop, default_sample_limit, shared_settings},
     part::time_goal,
 };
 use crate::{
+    agent_rules::AgentRules,
     devices::DeviceChoice,
     error::Error,
     loaded_scene::LoadedScene,

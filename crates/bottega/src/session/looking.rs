@@ -11,11 +11,12 @@ use super::{
     painter::{OpenedPicture, Painter},
 };
 use crate::{
+    agent_rules::AgentRules,
     builtin::BuiltinPainter,
     error::Error,
     journal::PictureJournal,
     loaded_scene::LoadedScene,
-    plan::{AgentRules, PicturePart},
+    plan::PicturePart,
     request::{Request, ViewOptions},
 };
 
@@ -46,8 +47,7 @@ impl Session {
         let notes = rules.notes.clone();
         let part = PicturePart::Whole { begun, urgency: options.urgency };
         let opened = Painter::of_scene(request, subject.seen_as(request)?, rules, &part)?;
-        let name = opened.painter.name(request)?;
-        let journal = PictureJournal::of_request(request, &name, options.resume)?;
+        let journal = PictureJournal::of_request(request, opened.name.as_deref(), options.resume)?;
         // The warnings about the scene have been reported
         let opened = OpenedPicture { notes, ..opened };
         Ok(Self { denoiser, journal, ..Self::new(request, options, opened, begun) })

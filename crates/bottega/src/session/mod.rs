@@ -1,5 +1,6 @@
 //! Sessions: from a request to a picture.
 
+mod farm;
 mod lighting_agents;
 mod looking;
 mod occupation;
@@ -19,23 +20,23 @@ use bottega_denoise::Denoiser;
 use bottega_engines::RenderEngine;
 pub use bottega_engines::Urgency;
 use bottega_farm::{
-    Goal, JobError, JobReport, JobSettings, JournalContents, Observer, StopSwitch, ZoneStore, simulate::Recorder,
-    survey_size,
+    Goal, JobError, JobSettings, JournalContents, Observer, StopSwitch, ZoneStore, simulate::Recorder, survey_size,
 };
-use bottega_image::{Film, Metadata, Rect, Tile, check_writable};
+use bottega_image::{Rect, Tile, check_writable};
 use bottega_scene::Loaded;
 
 use self::painter::{Beginning, OpenedPicture, Painter};
-pub use self::{painting::ActiveSession, reporter::Reporter, watcher::Watcher};
+pub use self::{farm::JobPart, painting::ActiveSession, reporter::Reporter, watcher::Watcher};
 use crate::{
+    agent_rules::{AgentRules, RuleTexts},
     denoise,
-    engines::{ExternalPainter, SceneFiles},
+    engines::ExternalPainter,
     error::Error,
     experience::{self, measured},
     journal::PictureJournal,
     loaded_scene::LoadedScene,
     picture::{Picture, finishing},
-    plan::{AgentRules, PicturePart, Plan, time_goal},
+    plan::{PicturePart, time_goal},
     preview::{LivePreview, PreviewView, check_preview},
     request::Request,
     settings::tone,
@@ -63,19 +64,6 @@ pub struct SessionOptions {
     pub begun: Option<Instant>,
 }
 
-/// A machine's part in a job of another process: see [`Session::for_others`].
-#[derive(Clone, Copy, Debug)]
-pub struct JobPart<'a> {
-    /// The request as it was submitted, before file paths were changed to this machine's; stored in the picture.
-    pub submitted: &'a Request,
-    /// The folder on this machine that holds all files of the scene.
-    pub files: &'a Path,
-    /// Identity of the external engine that the job needs, the same on all machines; `None`: the built-in engine.
-    pub engine: Option<&'a str>,
-    /// Index of this machine's rule set, modulo the number of rule sets: machines carry the rule sets in turn.
-    pub turn: usize,
-}
-
 /// A request with its scene loaded and its engine ready to render.
 pub struct Session {
     request: Request,
@@ -83,8 +71,11 @@ pub struct Session {
     submitted: Request,
     options: SessionOptions,
     painter: Painter,
+    name: Option<String>,
     settings: JobSettings,
     denoiser: Option<Denoiser>,
+    /// The texts of the agents' rules.
+    rules: RuleTexts,
     /// Warnings, reported before rendering begins.
     notes: Vec<String>,
     begun: Instant,
@@ -126,8 +117,7 @@ impl Session {
         let opened = Painter::open(request, &PicturePart::Whole { begun, urgency: options.urgency })?;
         // Report a missing denoiser before anything is written.
         let denoiser = denoise::ready(request)?;
-        let name = opened.painter.name(request)?;
-        let journal = PictureJournal::of_request(request, &name, options.resume)?;
+        let journal = PictureJournal::of_request(request, opened.name.as_deref(), options.resume)?;
         Ok(Self { denoiser, journal, ..Self::new(request, options, opened, begun) })
     }
 
@@ -166,75 +156,22 @@ impl Session {
         Ok(Self { denoiser, ..Self::new(request, options, opened, begun) })
     }
 
-    /// Opens a session that renders zones of another process's job. The scene files are on this machine; the session writes no
-    /// journal and writes the picture only by [`Self::write_to`].
-    ///
-    /// # Errors
-    /// Those of [`Self::open`]; also if the engine on this machine has another identity than `part.engine`.
-    pub fn for_others(request: &Request, part: JobPart<'_>) -> Result<Self, Error> {
-        let begun = Instant::now();
-        request.validate()?;
-        let opened = Painter::open(request, &PicturePart::Zones { files: part.files, turn: part.turn })?;
-        // All machines must have the same engine
-        let identity = opened.painter.identity();
-        if identity.as_deref() != part.engine {
-            let name = |engine: Option<&str>| engine.unwrap_or("the built-in engine").to_owned();
-            return Err(Error::failed(
-                format!("the job needs {}, but this machine has {}", name(part.engine), name(identity.as_deref())),
-                "install the same version of the engine, and the same manifest, on all machines",
-            ));
-        }
-        opened.painter.log_faults();
-        let session = Self::new(request, SessionOptions::default(), opened, begun);
-        Ok(Self { submitted: part.submitted.clone(), ..session })
-    }
-
     /// Makes a session without denoiser and journal.
     fn new(request: &Request, options: SessionOptions, opened: OpenedPicture, begun: Instant) -> Self {
-        let OpenedPicture { painter, settings, notes } = opened;
+        let OpenedPicture { painter, name, settings, rules, notes } = opened;
         Self {
             request: request.clone(),
             submitted: request.clone(),
             options,
             settings,
             painter,
+            name,
             denoiser: None,
+            rules,
             notes,
             begun,
             journal: None,
         }
-    }
-
-    /// Checks a request that other machines will render, before anything is sent to them. Returns the files that they need.
-    ///
-    /// # Errors
-    /// The request, its scene or its rules cannot be used, or its output cannot be written.
-    pub fn examine(request: &Request) -> Result<SceneFiles, Error> {
-        Self::check(request, &SessionOptions::default())?;
-        Self::examine_scene(request)
-    }
-
-    /// Checks a request like [`Self::examine`], but not its output, which another machine writes.
-    ///
-    /// # Errors
-    /// The request, its scene or its rules cannot be used.
-    pub fn examine_for_elsewhere(request: &Request) -> Result<SceneFiles, Error> {
-        request.validate()?;
-        Self::examine_scene(request)
-    }
-
-    fn examine_scene(request: &Request) -> Result<SceneFiles, Error> {
-        let rules = AgentRules::of(request)?;
-        let notes = rules.notes.clone();
-        let mut files = if request.engine.is_builtin() {
-            let scene = LoadedScene::load(request)?;
-            let part = PicturePart::Whole { begun: Instant::now(), urgency: Urgency::Picture };
-            SceneFiles::of(&scene, &Plan::of(request, &scene, rules, &part)?.method)
-        } else {
-            SceneFiles::gather(request)?
-        };
-        files.warnings.splice(0..0, notes);
-        Ok(files)
     }
 
     fn check(request: &Request, options: &SessionOptions) -> Result<(), Error> {
@@ -286,23 +223,10 @@ impl Session {
     }
 
     /// Returns a text with everything that determines the pixels: two sessions with the same name give the same bits. It does
-    /// not hold the number of agents and threads.
-    ///
-    /// # Errors
-    /// The scene file of another engine cannot be read.
-    pub fn name(&self) -> Result<String, Error> {
-        self.painter.name(&self.request)
-    }
-
-    /// Returns the scene files that a farm needs for this picture.
-    ///
-    /// # Errors
-    /// The engine cannot list the files that its scene refers to.
-    pub fn scene_files(&self) -> Result<SceneFiles, Error> {
-        match &self.painter {
-            Painter::Own(own) => Ok(SceneFiles::of(&own.subject, &own.plan.method)),
-            Painter::Other(_) => SceneFiles::gather(&self.request),
-        }
+    /// not hold the number of agents and threads. `None`: the session renders zones of another process's job with an
+    /// external engine.
+    pub fn name(&self) -> Option<&str> {
+        self.name.as_deref()
     }
 
     /// Renders the picture and writes it to the output of the request, if any.
@@ -327,7 +251,7 @@ impl Session {
                 painting.reporter().warn(format!("cannot store the experience of this job: {reason}"));
             }
         }
-        painting.finish(report, stop)?.close()
+        painting.finish(report, stop)?.deliver()
     }
 
     /// Begins rendering: reports the start and returns the values for [`bottega_farm::run`]. For callers that run the job
@@ -376,36 +300,6 @@ impl Session {
             tev,
         };
         Ok((active, setup))
-    }
-
-    /// Returns the values that an agent needs to render zones for another process, without observer and store.
-    pub fn setup(&self) -> PaintingSetup {
-        let (settings, engine) = (measured(self.settings.clone()), self.painter.engine());
-        PaintingSetup { settings, engine, observer: Arc::new(()), store: None, kept: None }
-    }
-
-    /// Denoises a picture whose job this machine has led for others, if the request asks for it. Returns the metadata of the
-    /// picture, and the result of denoising.
-    ///
-    /// # Errors
-    /// The denoiser is not installed or fails; the picture then stays noisy.
-    pub fn finish_for_others(&self, report: &mut JobReport) -> (Metadata, Result<(), Error>) {
-        let mut metadata = self.painter.metadata(&self.submitted, report);
-        let denoised = denoise::here(&self.request, report, &mut metadata);
-        (metadata, denoised)
-    }
-
-    /// Returns a warning if a picture appears nearly black or white on a screen; `None`: it does not, or `file` is not a PNG.
-    pub fn wrong_brightness(&self, file: &Path, film: &Film) -> Option<String> {
-        crate::picture::wrong_brightness(&self.request, file, film)
-    }
-
-    /// Writes a picture of this request to a file, .exr or .png.
-    ///
-    /// # Errors
-    /// The extension is neither of these, or the file cannot be written.
-    pub fn write_to(&self, path: &Path, film: &Film, metadata: &Metadata) -> Result<(), Error> {
-        crate::picture::write(&self.request, self.painter.hints(), path, film, metadata)
     }
 
     /// Starts previews and the tev viewer, and reports faults of an external engine. With a journal the preview shows the kept

@@ -9,13 +9,14 @@ use bottega_scene::RenderHints;
 
 use super::Reporter;
 use crate::{
+    agent_rules::{AgentRules, RuleTexts},
     builtin::BuiltinPainter,
     engines::ExternalPainter,
     error::Error,
     events::{EngineShare, Event, corners},
     loaded_scene::LoadedScene,
     picture::REQUEST_KEY,
-    plan::{AgentRules, PicturePart, Plan},
+    plan::{PicturePart, Plan},
     request::{Request, ViewOptions},
     text::shown,
 };
@@ -32,8 +33,12 @@ pub(super) enum Painter {
 /// A picture whose engine is prepared.
 pub(super) struct OpenedPicture {
     pub(super) painter: Painter,
+    /// A text with everything that determines the pixels; `None`: zones of another process's job by an external engine.
+    pub(super) name: Option<String>,
     /// The settings of the job.
     pub(super) settings: JobSettings,
+    /// The texts of the agents' rules.
+    pub(super) rules: RuleTexts,
     /// Warnings, to report before rendering begins.
     pub(super) notes: Vec<String>,
 }
@@ -57,9 +62,13 @@ impl Painter {
         if request.engine.is_builtin() {
             return Self::of_scene(request, LoadedScene::load(request)?, rules, part);
         }
+        let texts = rules.texts.clone();
         let painter = ExternalPainter::open(request, rules, part)?;
+        // A name is for a journal, which zones of another process's job do not have
+        let is_whole = matches!(part, PicturePart::Whole { .. });
+        let name = is_whole.then(|| painter.name(request)).transpose()?;
         let notes = painter.notes.clone();
-        Ok(Self::Other(Box::new(painter)).opened(request, notes))
+        Ok(Self::Other(Box::new(painter)).opened(request, name, texts, notes))
     }
 
     /// Plans the picture of a loaded scene and makes the built-in engine for it.
@@ -72,21 +81,22 @@ impl Painter {
         rules: AgentRules,
         part: &PicturePart<'_>,
     ) -> Result<OpenedPicture, Error> {
+        let texts = rules.texts.clone();
         let plan = Plan::of(request, &scene, rules, part)?;
-        let painter = BuiltinPainter::open(plan, scene)?;
-        let notes = painter.notes();
-        Ok(Self::Own(Box::new(painter)).opened(request, notes))
+        let painter = BuiltinPainter::open(request, plan, scene)?;
+        let (name, notes) = (painter.name.clone(), painter.notes.clone());
+        Ok(Self::Own(Box::new(painter)).opened(request, Some(name), texts, notes))
     }
 
     /// Completes the settings of the job by what earlier and later jobs know it by.
-    fn opened(self, request: &Request, notes: Vec<String>) -> OpenedPicture {
+    fn opened(self, request: &Request, name: Option<String>, rules: RuleTexts, notes: Vec<String>) -> OpenedPicture {
         let planned = match &self {
             Self::Own(own) => &own.plan.job,
             Self::Other(painter) => &painter.settings,
         };
         let technique = self.technique(planned).into();
         let settings = JobSettings { technique, subject: self.subject(request, planned), ..planned.clone() };
-        OpenedPicture { painter: self, settings, notes }
+        OpenedPicture { painter: self, name, settings, rules, notes }
     }
 
     /// Returns the identity of an external engine, the same on all machines that have it; `None`: the built-in engine.
@@ -109,17 +119,6 @@ impl Painter {
         match self {
             Self::Own(own) => Arc::clone(&own.engine) as _,
             Self::Other(painter) => painter.paints(),
-        }
-    }
-
-    /// Returns a text with everything that determines the pixels, but not the number of agents and threads.
-    ///
-    /// # Errors
-    /// The scene file of another engine cannot be read.
-    pub(super) fn name(&self, request: &Request) -> Result<String, Error> {
-        match self {
-            Self::Own(own) => Ok(own.name(request)),
-            Self::Other(painter) => painter.name(request),
         }
     }
 

@@ -53,10 +53,10 @@ impl ActiveSession {
         self.reporter.finish();
     }
 
-    /// Makes the picture from the report of the job: reports statistics, denoises if requested, and writes the output.
+    /// Makes the picture from the report of the job: reports statistics, and denoises if requested. Does not write the output.
     ///
     /// # Errors
-    /// The picture cannot be denoised, recorded or written.
+    /// The picture cannot be denoised or recorded.
     pub fn finish(self, report: JobReport, stop: &StopSwitch) -> Result<Picture, Error> {
         let Self { request, submitted, painter, settings, denoiser, reporter, recorder, journal, timeline, tev } = self;
         reporter.finish();
@@ -99,10 +99,7 @@ impl ActiveSession {
         if let Some(Err(problem)) = tev.map(|tev| tev.finish(&report.film)) {
             reporter.warn(format!("tev does not show the picture: {problem}"));
         }
-        // Write the picture to its output
         let alpha = painter.hints().is_some_and(|hints| hints.alpha);
-        let picture = Picture { request, metadata, settings, report, alpha, reporter, journal };
-        picture.write()?;
-        Ok(picture)
+        Ok(Picture { request, metadata, settings, report, alpha, reporter, journal })
     }
 }

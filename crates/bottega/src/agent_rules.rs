@@ -11,7 +11,7 @@ use crate::{
 };
 
 /// The texts of the rules of a request.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct RuleTexts {
     /// The rules of the agents; empty: the built-in ones.
     pub agents: Vec<RulesText>,
@@ -49,6 +49,8 @@ pub struct AgentRules {
     pub choice: Option<EngineChoice>,
     /// Warnings about the rules.
     pub notes: Vec<String>,
+    /// The texts that these rules were read from, for other machines; empty for built-in rules.
+    pub texts: RuleTexts,
 }
 
 impl AgentRules {
@@ -57,15 +59,16 @@ impl AgentRules {
     /// # Errors
     /// A file of rules cannot be read or used.
     pub fn of(request: &Request) -> Result<Self, Error> {
-        let RuleTexts { agents, choice } = RuleTexts::of(request)?;
-        let (experts, notes) = experts(agents)?;
-        let choice = choice.map(engine_choice).transpose()?;
-        Ok(Self { experts, choice, notes })
+        let texts = RuleTexts::of(request)?;
+        let (experts, notes) = experts(texts.agents.clone())?;
+        let choice = texts.choice.clone().map(engine_choice).transpose()?;
+        Ok(Self { experts, choice, notes, texts })
     }
 
     /// Returns the built-in rules, for work that no agent does.
     pub fn built_in() -> Self {
-        Self { experts: vec![Expert::path_tracing()], choice: None, notes: Vec::new() }
+        let experts = vec![Expert::path_tracing()];
+        Self { experts, choice: None, notes: Vec::new(), texts: RuleTexts::default() }
     }
 
     /// Returns the rules with the rule set of this machine in front.
