@@ -52,6 +52,12 @@ fn add_shares<'a>(surface: &'a Surface, shares: &mut Vec<&'a ColorParam>) {
                 shares.push(&diffuse.reflectance);
             }
         }
+        Surface::Varnished(varnished) => {
+            shares.push(&varnished.specular);
+            add_shares(&varnished.base, shares);
+        }
+        Surface::Phong(phong) => shares.extend([&phong.diffuse, &phong.specular]),
+        Surface::Ward(ward) => shares.extend([&ward.diffuse, &ward.specular]),
         Surface::Principled(principled) => shares.push(&principled.base_color),
         Surface::Layered(layered) => shares.push(&layered.base_color),
         Surface::Hair(hair) => {

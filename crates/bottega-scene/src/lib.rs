@@ -137,7 +137,7 @@ pub use subsurface::{RadiusMeaning, Substance, Subsurface};
 pub use summary::SceneSummary;
 pub use surface::{
     Anisotropy, Coated, CoatedBase, Conductor, Dielectric, Diffuse, Distribution, Facets, InnerReflection, Iridescence,
-    Layered, Plastic, Principled, RoughnessScale, Shadowing, Surface,
+    Layered, Phong, Plastic, Principled, RoughnessScale, Shadowing, Surface, Varnished, Ward, WardVariant,
 };
 pub use texture::{Channel, ImageId, Mapping, MappingKind, SURFACE_UV_SETS, TextureMap, Wrap};
 pub use values::{FACTOR_MAX, VALUE_MAX};

@@ -183,6 +183,7 @@ impl Scene {
         let (colors, scalars) = surface.params();
         check(colors.into_iter().all(is_color), FACTOR)?;
         check(scalars.into_iter().all(|scalar| is_factor(scalar.factor)), FACTOR)?;
+        check(surface.has_sound_varnish(), "a varnish lies on a surface that cannot be its base")?;
         check(surface.has_sound_scales(), "the scales of its hair have an angle beyond 90°")?;
         check(surface.has_sound_subsurface(), "the asymmetry g of its subsurface scattering is not between −1 and 1")?;
         check(surface.indices_of_refraction().into_iter().all(is_factor), "an index of refraction is negative")

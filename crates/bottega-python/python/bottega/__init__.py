@@ -72,6 +72,7 @@ from ._surfaces import (
     Iridescence,
     Layered,
     Null,
+    Phong,
     Plastic,
     Principled,
     Subsurface,
@@ -79,6 +80,8 @@ from ._surfaces import (
     Surface,
     Transparent,
     Unlit,
+    Varnished,
+    Ward,
 )
 from ._values import Texture, Visibility
 from ._viewport import Frame, Viewport, ViewportMachine
@@ -134,6 +137,7 @@ __all__ = [
     "Null",
     "Object",
     "OutputOptions",
+    "Phong",
     "PhotonOptions",
     "Picture",
     "PictureError",
@@ -159,11 +163,13 @@ __all__ = [
     "Texture",
     "Transparent",
     "Unlit",
+    "Varnished",
     "ViewOptions",
     "Viewport",
     "Voxels",
     "ViewportMachine",
     "Visibility",
+    "Ward",
     "WorkOptions",
     "__version__",
     "analyze",
