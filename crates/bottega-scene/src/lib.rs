@@ -73,6 +73,7 @@ mod mitsuba;
 mod model;
 mod motion;
 mod needless;
+mod noise;
 mod numbers;
 pub mod objects_only;
 mod options;
@@ -126,6 +127,7 @@ pub use material::{AlphaMode, Back, Material, Relief, ReliefRule, ReliefSource, 
 pub use medium::{Coefficients, Density, EmissionVariation, Medium, MediumId, Variation};
 pub use model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
 pub use motion::{MeshKey, Shutter, SphereKey, TransformKey};
+pub use noise::{Noise, OCTAVES_MAX, Octaves, is_within_dot};
 pub use options::{LoadOptions, SUBDIVISION_MAX};
 pub use param::{ColorParam, ScalarParam};
 pub use part_names::PartNames;

@@ -55,7 +55,9 @@ impl Scene {
             self.check_material(sphere.material)
         })?;
         each("materials", &self.materials, |material| self.check_parameters(material))?;
-        each("mappings", &self.mappings, |mapping| check(mapping.mapping_from_world.is_finite(), "it is not finite"))?;
+        each("mappings", &self.mappings, |mapping| {
+            check(mapping.mapping_from_world.is_finite() && mapping.kind.is_sound(), "it is not finite")
+        })?;
         each("media", &self.media, check_medium)?;
         each("lights", &self.lights, |light| {
             self.check_light(&light.kind)?;
