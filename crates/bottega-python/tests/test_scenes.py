@@ -209,6 +209,7 @@ def test_every_surface_can_be_put_painted_and_taken_out(surface: bottega.Surface
         emission=(1, 2, 3),
         emission_sides="front",
         relief=bottega.BumpMap(Texture("gray", factor=0.1)),
+        displacement=bottega.Displacement(GRAY, scale=-0.01, bias=0.005, space="world", edge=0.5),
         interior="fog",
     )
     scene.materials["white"] = whole

@@ -46,6 +46,7 @@ mod blackbody;
 mod budget;
 mod camera;
 mod color;
+mod displacement;
 mod edit;
 mod emission;
 mod error;
@@ -105,6 +106,7 @@ pub use camera::{
     Aperture, BLADES_MAX, Camera, Clip, FisheyeMapping, FovAxis, Panorama, Projection, Stereo, StereoLayout,
 };
 pub use color::Spectrum;
+pub use displacement::{Displacement, DisplacementSource, DisplacementSpace};
 pub use edit::{
     CornerMesh, CurveStrands, EditError, EditedLight, EditedLightKind, EntryKind, MatrixRows, PlacedObject, PutMode,
     SceneEditor,
@@ -128,7 +130,7 @@ pub use medium::{Coefficients, Density, EmissionVariation, Medium, MediumId, Var
 pub use model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
 pub use motion::{MeshKey, Shutter, SphereKey, TransformKey};
 pub use noise::{Noise, OCTAVES_MAX, Octaves, is_within_dot};
-pub use options::{LoadOptions, SUBDIVISION_MAX};
+pub use options::{DISPLACEMENT_MAX, LoadOptions, SUBDIVISION_MAX};
 pub use param::{ColorParam, ScalarParam};
 pub use part_names::PartNames;
 pub use resource::SceneFile;

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use crate::camera::{Aperture, BLADES_MAX, Camera, Clip, Projection, Stereo};
 use crate::color::Spectrum;
+use crate::displacement::Displacement;
 use crate::error::{SceneError, Violation};
 use crate::keys::{check_instance_keys, check_times, check_transform_keys};
 use crate::light::{Environment, LightKind, Portal};
@@ -163,6 +164,10 @@ impl Scene {
         check(is_color(&material.emission), FACTOR)?;
         check(material.emission_profile.is_sound(), "its emission has no cone: from 0.1° to below 90° is allowed")?;
         check(is_factor(material.opacity.factor), FACTOR)?;
+        check(
+            material.displacement.as_ref().is_none_or(Displacement::is_sound),
+            "a number of its displacement is not finite",
+        )?;
         if let AlphaMode::Mask { cutoff } = material.alpha_mode {
             check(is_factor(cutoff), FACTOR)?;
         }

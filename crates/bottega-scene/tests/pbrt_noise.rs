@@ -1,7 +1,8 @@
 //! Textures of pbrt-v4 that are made of noise, and those of dots and slopes.
 
 use bottega_scene::{
-    ColorParam, LoadOptions, Loaded, MappingKind, Noise, Octaves, ReliefSource, Scene, Surface, TextureMap, load,
+    ColorParam, DisplacementSource, DisplacementSpace, LoadOptions, Loaded, MappingKind, Noise, Octaves, ReliefSource,
+    Scene, Surface, TextureMap, load,
 };
 use glam::{Vec2, Vec3};
 
@@ -12,6 +13,9 @@ fn world(text: &str) -> Loaded {
     let folder = tempfile::tempdir().unwrap();
     let texels: Vec<u8> = [0.0, 0.25, 0.5, 1.0].iter().flat_map(|texel: &f32| texel.to_le_bytes()).collect();
     std::fs::write(folder.path().join("a.pfm"), [b"Pf\n2 2\n-1.0\n".to_vec(), texels].concat()).unwrap();
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+        element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    std::fs::write(folder.path().join("a.ply"), ply).unwrap();
     let path = folder.path().join("scene.pbrt");
     let scene = format!("WorldBegin\n{text}\nMaterial \"diffuse\" \"texture reflectance\" \"t\" {TRIANGLE}");
     std::fs::write(&path, scene).unwrap();
@@ -159,4 +163,23 @@ fn noise_joined_with_pictures_is_replaced_by_its_mean_with_a_warning() {
     assert!(warnings.len() == 1 && warnings[0].contains("mean replaces them"), "{warnings:?}");
     assert!(loaded.scene.mappings.is_empty() || color_of(&loaded.scene).texture.unwrap().uv_set == 0);
     loaded.scene.validate().unwrap();
+}
+
+#[test]
+fn a_mesh_file_is_displaced_by_its_texture() {
+    let loaded = world(
+        r#"Texture "t" "spectrum" "constant" "rgb value" [ 0.5 0.5 0.5 ]
+        Texture "n" "float" "fbm" Texture "h" "float" "scale" "texture tex" "n" "float scale" 0.3
+        Shape "plymesh" "string filename" "a.ply" "texture displacement" "h" "float edgelength" 0.05
+        Shape "plymesh" "string filename" "a.ply""#,
+    );
+    assert_eq!(warnings(&loaded), [""; 0]);
+    let scene = loaded.scene;
+    scene.validate().unwrap();
+    let of_mesh = |mesh: usize| scene.materials[scene.meshes[mesh].material as usize].displacement.as_ref();
+    let displacement = of_mesh(0).expect("a displacement");
+    assert_eq!((displacement.edge, displacement.space), (Some(0.05), DisplacementSpace::World));
+    let DisplacementSource::Heights(height) = &displacement.source else { panic!() };
+    assert!((height.factor - 0.3).abs() < 1e-6 && height.texture.is_some());
+    assert!(of_mesh(1).is_none());
 }

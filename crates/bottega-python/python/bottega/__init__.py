@@ -39,7 +39,7 @@ from ._lights import (
     SpotLight,
     SunLight,
 )
-from ._materials import BumpMap, Material, Medium, NormalMap
+from ._materials import BumpMap, Displacement, Material, Medium, NormalMap
 from ._native import Analysis, ImageFile, Picture, Voxels, __version__, read, stop_all
 from ._requests import (
     DeviceOptions,
@@ -100,6 +100,7 @@ __all__ = [
     "Dielectric",
     "Diffuse",
     "DiffuseTransmission",
+    "Displacement",
     "EngineError",
     "EngineOptions",
     "Environment",
