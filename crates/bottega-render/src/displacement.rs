@@ -235,9 +235,17 @@ fn move_points(
     } else {
         normals
     };
+    let along_u;
+    let tangents = if mesh.tangents.is_empty() && matches!(displacement.source, DisplacementSource::TangentVectors(_)) {
+        along_u = tangents_of_uvs(mesh, positions, normals);
+        &along_u
+    } else {
+        &mesh.tangents
+    };
     let mut sums: Vec<(Vec3, f32)> = vec![(Vec3::ZERO, 0.0); positions.len()];
     for (vertex, (&p, &n)) in positions.iter().zip(normals).enumerate() {
-        let offset = offset_at(scene, mesh, displacement, frame, vertex, (p, n));
+        let tangent = tangents.get(vertex).copied().unwrap_or(Vec4::ZERO);
+        let offset = offset_at(scene, mesh, displacement, frame, vertex, (p, n, tangent));
         let sum = &mut sums[points[vertex] as usize];
         *sum = (sum.0 + offset, sum.1 + 1.0);
     }
@@ -258,7 +266,7 @@ fn offset_at(
     displacement: &Displacement,
     frame: &PlaceFrame,
     vertex: usize,
-    (p, n): (Vec3, Vec3),
+    (p, n, tangent): (Vec3, Vec3, Vec4),
 ) -> Vec3 {
     let uvs = [0, 1].map(|set: usize| mesh.uvs[set].get(vertex).copied().unwrap_or(Vec2::ZERO));
     let world_normal = (frame.world_from_normal * n).normalize_or(n);
@@ -277,7 +285,6 @@ fn offset_at(
         }
         DisplacementSource::TangentVectors(vector) => {
             let vector = vector.eval(scene, place, 0.0);
-            let tangent = mesh.tangents.get(vertex).copied().unwrap_or(Vec4::ZERO);
             let t = (tangent.truncate() - n * n.dot(tangent.truncate())).normalize_or(n.any_orthonormal_vector());
             let b = n.cross(t) * if tangent.w < 0.0 { -1.0 } else { 1.0 };
             t * scaled(vector.x) + n * scaled(vector.y) + b * scaled(vector.z)
@@ -288,6 +295,34 @@ fn offset_at(
         }
     };
     if offset.is_finite() { offset } else { Vec3::ZERO }
+}
+
+/// Returns the tangents of vertices along u of the first texture coordinates, with the sign of the bitangent, which points
+/// up in the picture.
+fn tangents_of_uvs(mesh: &Mesh, positions: &[Vec3], normals: &[Vec3]) -> Vec<Vec4> {
+    let uvs = &mesh.uvs[0];
+    if uvs.is_empty() {
+        return Vec::new();
+    }
+    let mut sums = vec![(Vec3::ZERO, Vec3::ZERO); positions.len()];
+    for triangle in &mesh.triangles {
+        let [a, b, c] = triangle.map(|vertex| positions[vertex as usize]);
+        let [s, t, r] = triangle.map(|vertex| uvs[vertex as usize]);
+        let (e, f, d, g) = (b - a, c - a, t - s, r - s);
+        // Both times the determinant of the coordinates, whose sign alone matters: larger triangles count more
+        let sign = d.perp_dot(g).signum();
+        let (along_u, along_v) = ((e * g.y - f * d.y) * sign, (f * d.x - e * g.x) * sign);
+        for &vertex in triangle {
+            let sum = &mut sums[vertex as usize];
+            *sum = (sum.0 + along_u, sum.1 + along_v);
+        }
+    }
+    let tangent = |(&(u, v), &n): (&(Vec3, Vec3), &Vec3)| {
+        let t = (u - n * n.dot(u)).normalize_or(n.any_orthonormal_vector());
+        // v runs downwards
+        t.extend(if n.cross(t).dot(v) > 0.0 { -1.0 } else { 1.0 })
+    };
+    sums.iter().zip(normals).map(tangent).collect()
 }
 
 /// Returns for each vertex the number of the first one at the same position and with the same normal.
@@ -319,7 +354,7 @@ fn smooth_normals(positions: &[Vec3], triangles: &[[u32; 3]], joined: &[u32]) ->
 mod tests {
     use std::sync::Arc;
 
-    use bottega_scene::{Channel, Image, ImageId, Material, ScalarParam};
+    use bottega_scene::{Channel, ColorParam, Image, ImageId, Material, ScalarParam};
 
     use super::*;
 
@@ -394,6 +429,23 @@ mod tests {
                 mesh.positions.iter().map(|&p| instance.world_from_object.transform_point3(p).z).fold(0.0, f32::max);
             assert!((most - factor).abs() < 1e-4, "{space:?}: {most}");
             assert_eq!(scene.meshes.len(), if space == DisplacementSpace::World { 2 } else { 1 });
+        }
+    }
+
+    #[test]
+    fn vectors_go_along_the_tangent_the_normal_and_the_bitangent() {
+        let vector = ColorParam { factor: Vec3::new(1.0, 2.0, 3.0), texture: None };
+        // v of the quad grows along y, so up in the picture is the opposite
+        for (source, expected) in [
+            (DisplacementSource::TangentVectors(vector.clone()), Vec3::new(1.0, -3.0, 2.0)),
+            (DisplacementSource::ObjectVectors(vector), Vec3::new(1.0, 2.0, 3.0)),
+        ] {
+            let mut scene = scene(square(), |displacement| displacement.source = source.clone());
+            let before = scene.meshes[0].positions.clone();
+            displace(&mut scene, Some(0), 1 << 30);
+            for (p, before) in scene.meshes[0].positions.iter().zip(before) {
+                assert!((*p - before - expected).length() < 1e-5, "{source:?}: {}", *p - before);
+            }
         }
     }
 
