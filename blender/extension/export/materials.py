@@ -21,6 +21,8 @@ from .textures import Pictures, flipped
 
 # Reliefs dim light that grazes them, nearly as in Cycles.
 _RULE = {"mitsuba": {"turns": True, "shadows": True, "mirrored": False}}
+# Longest edge of a displaced mesh that is not refined.
+_NO_EDGE = 1e15
 
 
 @dataclass
@@ -193,19 +195,47 @@ class MaterialMaker:
         source = displacement.source()
         assert source is not None
         method = getattr(material, "displacement_method", None) or getattr(getattr(material, "cycles", None), "displacement_method", "BUMP")
+        moves = method in ("DISPLACEMENT", "BOTH")
+        if source.node.bl_idname == "ShaderNodeVectorDisplacement" and moves:
+            self._vector_displacement(source, method)
+            return
         if source.node.bl_idname != "ShaderNodeDisplacement":
-            self.note(source.node, Fidelity.LEFT_OUT, "vector displacement is left out")
+            self.note(source.node, Fidelity.LEFT_OUT, "vector displacement is left out where the material only has bumps")
             return
         height = self.reader.at(source, "Height", 0.0)
         scale = self.reader.at(source, "Scale", 1.0)
         if height.is_constant or not scale.is_constant:
             self.note(source.node, Fidelity.LEFT_OUT, "a displacement that is the same everywhere is left out")
             return
-        if method != "BUMP":
-            self.note(source.node, Fidelity.APPROXIMATED, "displacement is rendered as a relief")
+        if moves:
+            middle = self.reader.at(source, "Midlevel", 0.5)
+            length = scale.number()
+            low = computed("height", 1, lambda values: values, height)
+            texture = self._texture(low.key(), folded(low), low, 1.0)
+            self._move(source, method, texture, length, middle.number() if middle.is_constant else 0.5)
+            return
         if self.made.material.relief is None:
             factor = scale.number()
             self.made.material.relief = self._relief(Relief("bump", computed("scale", 1, lambda h: h * factor, height)))
+
+    def _vector_displacement(self, source: Any, method: str) -> None:
+        scale = self.reader.at(source, "Scale", 1.0)
+        middle = self.reader.at(source, "Midlevel", 0.0)
+        vector = self.color(self.reader.color_at(source, "Vector"), None)
+        if not isinstance(vector, bottega.Texture) or not scale.is_constant:
+            self.note(source.node, Fidelity.LEFT_OUT, "a displacement that is the same everywhere is left out")
+            return
+        vectors = "tangent" if source.node.space == "TANGENT" else "object"
+        self._move(source, method, vector, scale.number(), middle.number() if middle.is_constant else 0.0, vectors)
+
+    def _move(self, source: Any, method: str, texture: bottega.Texture, scale: float, middle: float, vectors: Any = "none") -> None:
+        """Lets a texture move the points of the material's meshes. As in Cycles, *Displacement Only* moves the vertices of the mesh;
+        with *Displacement and Bump* it is refined to the texels, which then need no bump."""
+        space = "world" if source.node.space == "WORLD" and vectors == "none" else "object"
+        if source.node.space == "WORLD" and vectors != "none":
+            self.note(source.node, Fidelity.APPROXIMATED, "vectors of the world are rendered as those of the object")
+        edge = _NO_EDGE if method == "DISPLACEMENT" else None
+        self.made.material.displacement = bottega.Displacement(texture, scale, -scale * middle, vectors, space, edge)  # type: ignore[arg-type]
 
     def _has_volume(self, output: Any) -> bool:
         volume = named(output, (), "Volume")

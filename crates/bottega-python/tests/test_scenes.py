@@ -173,6 +173,8 @@ SURFACES = [
     bottega.Dielectric(eta=1.5, roughness=0.1, roughness_scale="square", shadowing="separable"),
     bottega.Plastic(diffuse=(0.1, 0.2, 0.5), inner="nonlinear", roughness=GRAY),
     bottega.Coated(base=bottega.Conductor(eta=0.2, k=3.0, roughness=0.3), thickness=0.1, albedo=0.5, g=0.2, max_depth=20),
+    bottega.Varnished(base=bottega.Ward(roughness=(0.1, GRAY), variant="duer"), absorption=(0.1, 0.2, 0.3), roughness=GRAY),
+    bottega.Phong(diffuse=GRAY, specular=0.3, exponent=50.0),
     bottega.Principled(base_color=GRAY, metallic=0.2, spec_trans=0.5, clearcoat=1.0, anisotropic=0.5),
     bottega.Hair(eumelanin=GRAY, pheomelanin=0.4, beta_m=0.2, alpha=-3.0, strand="along_v"),
     bottega.Hair(reflectance=(0.7, 0.4, 0.2), eta=1.45, beta_n=GRAY),
@@ -207,6 +209,7 @@ def test_every_surface_can_be_put_painted_and_taken_out(surface: bottega.Surface
         emission=(1, 2, 3),
         emission_sides="front",
         relief=bottega.BumpMap(Texture("gray", factor=0.1)),
+        displacement=bottega.Displacement(GRAY, scale=-0.01, bias=0.005, space="world", edge=0.5),
         interior="fog",
     )
     scene.materials["white"] = whole

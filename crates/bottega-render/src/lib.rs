@@ -19,6 +19,7 @@
 //! | light kept apart by groups of lights or kinds of paths | `src/lights/groups.rs`, `src/lights/path_kind.rs`, `src/integrator/group_sums.rs` |
 //! | steps of all integrators at a vertex; the rays that leave it | `src/vertex.rs`, `src/segment.rs` |
 //! | textures mapped by position | `src/mapping.rs` |
+//! | meshes displaced by textures; refined meshes | `src/displacement.rs`, `src/displacement/refined.rs` |
 //! | media: homogeneous, varying in space | `src/media.rs`, `src/media/varying.rs` |
 //! | path tracing: direct light and continuation, interleaved paths, media | `src/integrator/path.rs`, `src/integrator/path/`, `src/integrator/turns.rs`, `src/integrator/volume.rs` |
 //! | what moves while the shutter is open; surfaces and lights at a time | `src/motion.rs`; `src/interaction/moving.rs`, `src/lights/posed.rs` |
@@ -51,6 +52,7 @@ pub mod survey;
 
 mod color;
 mod density;
+mod displacement;
 mod error;
 mod extent;
 mod guide;
@@ -76,6 +78,7 @@ mod wave_work;
 mod work;
 
 pub use bottega_kernels::Ray;
+pub use displacement::{DISPLACED_FACES_MAX, displace};
 pub use error::RenderError;
 pub use filter::Filter;
 pub use guide::UnreadGuide;

@@ -3,7 +3,7 @@
 use std::f32::consts::{FRAC_1_PI, PI};
 
 use bottega_kernels::math;
-use bottega_scene::{Mapping, MappingKind, Scene, TextureMap, Uvs};
+use bottega_scene::{Mapping, MappingKind, Scene, TextureMap, Uvs, is_within_dot};
 use glam::{Mat3, Vec2, Vec3};
 
 /// A point in the world with the width of its beam: the input of mappings.
@@ -40,21 +40,21 @@ impl Uvs for TexturePlace {
     fn of(&self, scene: &Scene, map: &TextureMap, footprint: f32) -> (Vec2, f32) {
         match map.mapping(scene) {
             None => self.uvs.of(scene, map, footprint),
-            Some(mapping) => mapped(mapping, &self.mapping_point, footprint > 0.0),
+            Some(mapping) => mapped(mapping, self.uvs[0], &self.mapping_point, footprint > 0.0),
         }
     }
 }
 
 /// Returns the coordinates of a point, and the width of its beam in texture coordinates.
 #[cold]
-fn mapped(mapping: &Mapping, mapping_point: &MappingPoint, is_wide: bool) -> (Vec2, f32) {
-    let uv = uv_of(mapping, mapping_point.p);
+fn mapped(mapping: &Mapping, surface_uv: Vec2, mapping_point: &MappingPoint, is_wide: bool) -> (Vec2, f32) {
+    let uv = uv_of(mapping, surface_uv, mapping_point);
     if !is_wide || mapping_point.beam <= 0.0 {
         return (uv, 0.0);
     }
     // Area in texture coordinates per unit area of the surface. The beam's oblique cross-section is represented by the
     // geometric mean of its axes
-    let [u, v] = gradients(mapping, mapping_point.p);
+    let [u, v] = gradients(mapping, mapping_point);
     (
         uv,
         mapping_point.beam * (u.cross(v).dot(mapping_point.normal) / mapping_point.cosine.abs().max(0.01)).abs().sqrt(),
@@ -62,8 +62,9 @@ fn mapped(mapping: &Mapping, mapping_point: &MappingPoint, is_wide: bool) -> (Ve
 }
 
 /// Returns the coordinates of a position. Undefined ones (at a pole, at the centre of a sphere) are 0.
-fn uv_of(mapping: &Mapping, p: Vec3) -> Vec2 {
-    let q = mapping.mapping_from_world.transform_point3(p);
+fn uv_of(mapping: &Mapping, surface_uv: Vec2, mapping_point: &MappingPoint) -> Vec2 {
+    let place = mapping.mapping_from_world;
+    let q = place.transform_point3(mapping_point.p);
     let turns = || 0.5 * FRAC_1_PI * math::atan2(q.y, q.x);
     let uv = match mapping.kind {
         MappingKind::Planar => Vec2::new(q.x, 1.0 - q.y),
@@ -74,13 +75,36 @@ fn uv_of(mapping: &Mapping, p: Vec3) -> Vec2 {
         }
         MappingKind::Cylindrical => Vec2::new(0.5 + turns(), 1.0 - q.z),
         MappingKind::Cells => Vec2::new(q.x, 1.0 - (q.y + q.z.floor())),
+        MappingKind::Noise(noise) => on_ramp(noise.value(q, octaves(mapping, mapping_point))),
+        MappingKind::Veins { octaves: sum, variation } => {
+            let (fbm, _) = sum.fbm_and_gradient(q, octaves(mapping, mapping_point));
+            on_ramp(0.5 + 0.5 * math::sin(q.y + variation * fbm))
+        }
+        MappingKind::Dots { on_surface } => {
+            let at = if on_surface { place.transform_point3(surface_uv.extend(0.0)) } else { q };
+            on_ramp(f32::from(u8::from(is_within_dot(at.x, at.y))))
+        }
+        MappingKind::Facing => on_ramp(place.transform_vector3(mapping_point.normal).z.abs()),
     };
     if uv.is_finite() { uv } else { Vec2::ZERO }
 }
 
+/// Returns the coordinates of a value on the ramp of a mapping.
+fn on_ramp(value: f32) -> Vec2 {
+    Vec2::new(value, 0.5)
+}
+
+/// Returns the number of octaves of noise that a beam resolves: finer ones are narrower than two of its widths.
+fn octaves(mapping: &Mapping, mapping_point: &MappingPoint) -> f32 {
+    let area = mapping_point.beam * mapping_point.beam / mapping_point.cosine.abs().max(0.01);
+    let linear = mapping.mapping_from_world.matrix3;
+    let scale = (0..3).map(|axis| linear.col(axis).length_squared()).sum::<f32>() / 3.0;
+    if area * scale > 0.0 { -1.0 - 0.5 * math::log2(area * scale) } else { f32::INFINITY }
+}
+
 /// Returns the gradients of u and v in world space; 0 where they are discontinuous.
-pub(crate) fn gradients(mapping: &Mapping, p: Vec3) -> [Vec3; 2] {
-    let q = mapping.mapping_from_world.transform_point3(p);
+pub(crate) fn gradients(mapping: &Mapping, mapping_point: &MappingPoint) -> [Vec3; 2] {
+    let q = mapping.mapping_from_world.transform_point3(mapping_point.p);
     let (rho_squared, r_squared) = (q.truncate().length_squared(), q.length_squared());
     let rho = rho_squared.sqrt();
     let turn = Vec3::new(-q.y, q.x, 0.0) / (2.0 * PI * rho_squared);
@@ -91,6 +115,12 @@ pub(crate) fn gradients(mapping: &Mapping, p: Vec3) -> [Vec3; 2] {
             [theta, -turn]
         }
         MappingKind::Cylindrical => [turn, Vec3::NEG_Z],
+        MappingKind::Noise(noise) => [noise.gradient(q, octaves(mapping, mapping_point)), Vec3::ZERO],
+        MappingKind::Veins { octaves: sum, variation } => {
+            let (fbm, slope) = sum.fbm_and_gradient(q, octaves(mapping, mapping_point));
+            [(Vec3::Y + variation * slope) * (0.5 * math::cos(q.y + variation * fbm)), Vec3::ZERO]
+        }
+        MappingKind::Dots { .. } | MappingKind::Facing => [Vec3::ZERO; 2],
     };
     let world_from_gradient = Mat3::from(mapping.mapping_from_world.matrix3).transpose();
     own.map(|own| world_from_gradient * own).map(|it| if it.is_finite() { it } else { Vec3::ZERO })
@@ -102,7 +132,8 @@ mod tests {
 
     use bottega_kernels::Ray;
     use bottega_scene::{
-        AlphaMode, Channel, Image, ImageId, Material, Mesh, Relief, ScalarParam, Spectrum, Surface, TextureMap,
+        AlphaMode, Channel, Image, ImageId, Material, Mesh, Noise, Octaves, Relief, ScalarParam, Spectrum, Surface,
+        TextureMap, Wrap,
     };
     use glam::{Affine3A, Quat};
 
@@ -113,6 +144,60 @@ mod tests {
 
     const KINDS: [MappingKind; 4] =
         [MappingKind::Planar, MappingKind::Spherical, MappingKind::Cylindrical, MappingKind::Cells];
+
+    const OCTAVES: Octaves = Octaves { count: 8, roughness: 0.5 };
+    const RAMPS: [MappingKind; 6] = [
+        MappingKind::Noise(Noise::Fbm(OCTAVES)),
+        MappingKind::Noise(Noise::Turbulence(OCTAVES)),
+        MappingKind::Noise(Noise::Waves),
+        MappingKind::Veins { octaves: OCTAVES, variation: 0.2 },
+        MappingKind::Dots { on_surface: true },
+        MappingKind::Facing,
+    ];
+
+    #[test]
+    fn a_ramp_shows_noise_dots_and_slopes() {
+        let at = |kind, surface_uv, normal| {
+            let mapping_point = MappingPoint { p: Vec3::new(0.3, 0.7, 0.2), normal, ..MappingPoint::default() };
+            let (uv, width) = mapped(&plain(kind), surface_uv, &mapping_point, true);
+            assert_eq!((uv.y, width), (0.5, 0.0));
+            uv.x
+        };
+        let noise = at(RAMPS[0], Vec2::ZERO, Vec3::Z);
+        assert!((noise - 0.161_819).abs() < 1e-5, "{noise}");
+        let veins = at(RAMPS[3], Vec2::ZERO, Vec3::Z);
+        assert!((veins - (0.5 + 0.5 * (0.7 + 0.2 * 0.161_819_f32).sin())).abs() < 1e-5, "{veins}");
+        let dots = [Vec2::new(-4.72, 0.8), Vec2::new(-2.34, 1.87)].map(|uv| at(RAMPS[4], uv, Vec3::Z));
+        assert_eq!(dots, [1.0, 0.0]);
+        let facing = at(RAMPS[5], Vec2::ZERO, Vec3::new(0.6, 0.0, -0.8));
+        assert!((facing - 0.8).abs() < 1e-6, "{facing}");
+    }
+
+    #[test]
+    fn a_wide_beam_sees_fewer_octaves() {
+        let mapping = plain(RAMPS[0]);
+        let wide = MappingPoint { p: Vec3::new(0.3, 0.7, 0.2), normal: Vec3::Z, beam: 0.125, cosine: 1.0 };
+        let two = Noise::Fbm(Octaves { count: 2, roughness: 0.5 }).value(wide.p, f32::INFINITY);
+        assert!((uv_of(&mapping, Vec2::ZERO, &wide).x - two).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_bump_of_noise_leans_as_the_noise_rises() {
+        let bumped = |height: ScalarParam| Material { relief: Some(Relief::heights(height)), ..Material::default() };
+        let noise = Noise::Fbm(Octaves { count: 3, roughness: 0.5 });
+        // A ramp from −4 to 4
+        let ramp = Image::from_numbers("ramp", 2, 1, vec![[-4.0; 3], [4.0; 3]]);
+        let picture_from_uv = glam::Affine2::from_cols_array(&[1.0 / 16.0, 0.0, 0.0, 1.0, 0.5, 0.0]);
+        let prepared = laid(plain(MappingKind::Noise(noise)), ramp, false, |height| {
+            let (map, channel) = height.texture.expect("a map");
+            let map = TextureMap { picture_from_uv, wrap_u: Wrap::Clamp, ..map };
+            bumped(ScalarParam { factor: 0.5, texture: Some((map, channel)) })
+        });
+        let normal = point(&prepared, Vec3::new(0.3, 0.7, 3.0), Vec3::NEG_Z).frame[2];
+        let slope = 0.5 * noise.gradient(Vec3::new(0.3, 0.7, 0.0), f32::INFINITY);
+        let expected = Vec3::new(-slope.x, -slope.y, 1.0).normalize();
+        assert!((normal - expected).length() < 1e-3, "{normal} {expected}");
+    }
 
     fn plain(kind: MappingKind) -> Mapping {
         Mapping { kind, mapping_from_world: Affine3A::IDENTITY }
@@ -132,7 +217,7 @@ mod tests {
             (MappingKind::Cells, Vec3::new(-0.25, 0.5, -0.25), Vec2::new(-0.25, -0.5)),
         ];
         for (kind, p, st) in cases {
-            let uv = uv_of(&plain(kind), p);
+            let uv = uv_of(&plain(kind), Vec2::ZERO, &MappingPoint::sharp(p));
             assert!((uv - Vec2::new(st.x, 1.0 - st.y)).length() < 1e-6, "{kind:?} {p}: {uv}");
         }
     }
@@ -147,10 +232,11 @@ mod tests {
         for kind in KINDS {
             let mapping = Mapping { kind, mapping_from_world: place };
             for p in [Vec3::new(1.0, 2.0, 3.0), Vec3::new(-2.0, 0.5, 0.7), Vec3::new(0.4, -3.0, -1.0)] {
-                let [u, v] = gradients(&mapping, p);
+                let uv_at = |p: Vec3| uv_of(&mapping, Vec2::ZERO, &MappingPoint::sharp(p));
+                let [u, v] = gradients(&mapping, &MappingPoint::sharp(p));
                 for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
                     const STEP: f32 = 1e-2;
-                    let grown = (uv_of(&mapping, p + axis * STEP) - uv_of(&mapping, p - axis * STEP)) / (2.0 * STEP);
+                    let grown = (uv_at(p + axis * STEP) - uv_at(p - axis * STEP)) / (2.0 * STEP);
                     let expected = Vec2::new(u.dot(axis), v.dot(axis));
                     assert!((grown - expected).length() < 2e-3, "{kind:?} {p} {axis}: {grown} {expected}");
                 }
@@ -162,10 +248,10 @@ mod tests {
     fn a_beam_covers_as_much_of_a_picture_as_of_the_surface() {
         // On a sphere of radius 2, at its equator: once around in v, from pole to pole in u.
         let mapping_point = MappingPoint { p: Vec3::new(2.0, 0.0, 0.0), normal: Vec3::X, beam: 0.1, cosine: 0.25 };
-        let (_, width) = mapped(&plain(MappingKind::Spherical), &mapping_point, true);
+        let (_, width) = mapped(&plain(MappingKind::Spherical), Vec2::ZERO, &mapping_point, true);
         let expected = 0.2 / (2.0 * PI * 2.0 * PI * 2.0).sqrt();
         assert!((width / expected - 1.0).abs() < 1e-5, "{width} {expected}");
-        assert_eq!(mapped(&plain(MappingKind::Spherical), &mapping_point, false).1, 0.0);
+        assert_eq!(mapped(&plain(MappingKind::Spherical), Vec2::ZERO, &mapping_point, false).1, 0.0);
     }
 
     /// A material with a mapped picture, on a square of four units in the plane z = 0 without texture coordinates, or on
@@ -276,12 +362,12 @@ mod tests {
     fn everything_has_coordinates() {
         let singular = Affine3A { matrix3: glam::Mat3A::ZERO, translation: glam::Vec3A::ZERO };
         let huge = Affine3A::from_scale(Vec3::splat(1e30));
-        for kind in KINDS {
+        for kind in KINDS.into_iter().chain(RAMPS) {
             for mapping_from_world in [Affine3A::IDENTITY, singular, huge] {
                 let mapping = Mapping { kind, mapping_from_world };
                 for p in [Vec3::ZERO, Vec3::Z, Vec3::NEG_Z, Vec3::splat(1e18), Vec3::splat(-1e-30)] {
                     let mapping_point = MappingPoint { p, normal: Vec3::Y, beam: 1.0, cosine: 0.0 };
-                    let (uv, width) = mapped(&mapping, &mapping_point, true);
+                    let (uv, width) = mapped(&mapping, Vec2::ZERO, &mapping_point, true);
                     let color = slope().eval(&TextureMap::new(ImageId(0)), uv, width);
                     assert!(uv.is_finite() && color.is_finite(), "{kind:?} {p}: {uv} {width} {color}");
                 }

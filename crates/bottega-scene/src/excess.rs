@@ -10,6 +10,7 @@ use crate::material::Back;
 use crate::model::Scene;
 use crate::param::ColorParam;
 use crate::surface::{CoatedBase, Surface};
+use crate::texture::MappingKind;
 
 /// Greatest excess above 1 that counts as rounding.
 const ROUNDING: f32 = 1.001;
@@ -25,6 +26,10 @@ pub(crate) fn warn(scene: &Scene, warnings: &mut Warnings) {
         }
         for param in shares {
             let Some(map) = &param.texture else { continue };
+            // A ramp ends at bounds that noise hardly reaches
+            if map.mapping(scene).is_some_and(|mapping| matches!(mapping.kind, MappingKind::Noise(_))) {
+                continue;
+            }
             let image = &scene.images[map.image.0 as usize];
             if !image.is_high_dynamic_range() || !known.insert(map.image) {
                 continue;
@@ -52,6 +57,12 @@ fn add_shares<'a>(surface: &'a Surface, shares: &mut Vec<&'a ColorParam>) {
                 shares.push(&diffuse.reflectance);
             }
         }
+        Surface::Varnished(varnished) => {
+            shares.push(&varnished.specular);
+            add_shares(&varnished.base, shares);
+        }
+        Surface::Phong(phong) => shares.extend([&phong.diffuse, &phong.specular]),
+        Surface::Ward(ward) => shares.extend([&ward.diffuse, &ward.specular]),
         Surface::Principled(principled) => shares.push(&principled.base_color),
         Surface::Layered(layered) => shares.push(&layered.base_color),
         Surface::Hair(hair) => {

@@ -46,6 +46,7 @@ mod blackbody;
 mod budget;
 mod camera;
 mod color;
+mod displacement;
 mod edit;
 mod emission;
 mod error;
@@ -73,6 +74,7 @@ mod mitsuba;
 mod model;
 mod motion;
 mod needless;
+mod noise;
 mod numbers;
 pub mod objects_only;
 mod options;
@@ -104,6 +106,7 @@ pub use camera::{
     Aperture, BLADES_MAX, Camera, Clip, FisheyeMapping, FovAxis, Panorama, Projection, Stereo, StereoLayout,
 };
 pub use color::Spectrum;
+pub use displacement::{Displacement, DisplacementSource, DisplacementSpace};
 pub use edit::{
     CornerMesh, CurveStrands, EditError, EditedLight, EditedLightKind, EntryKind, MatrixRows, PlacedObject, PutMode,
     SceneEditor,
@@ -126,7 +129,8 @@ pub use material::{AlphaMode, Back, Material, Relief, ReliefRule, ReliefSource, 
 pub use medium::{Coefficients, Density, EmissionVariation, Medium, MediumId, Variation};
 pub use model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
 pub use motion::{MeshKey, Shutter, SphereKey, TransformKey};
-pub use options::{LoadOptions, SUBDIVISION_MAX};
+pub use noise::{Noise, OCTAVES_MAX, Octaves, is_within_dot};
+pub use options::{DISPLACEMENT_MAX, LoadOptions, SUBDIVISION_MAX};
 pub use param::{ColorParam, ScalarParam};
 pub use part_names::PartNames;
 pub use resource::SceneFile;
@@ -137,7 +141,7 @@ pub use subsurface::{RadiusMeaning, Substance, Subsurface};
 pub use summary::SceneSummary;
 pub use surface::{
     Anisotropy, Coated, CoatedBase, Conductor, Dielectric, Diffuse, Distribution, Facets, InnerReflection, Iridescence,
-    Layered, Plastic, Principled, RoughnessScale, Shadowing, Surface,
+    Layered, Phong, Plastic, Principled, RoughnessScale, Shadowing, Surface, Varnished, Ward, WardVariant,
 };
 pub use texture::{Channel, ImageId, Mapping, MappingKind, SURFACE_UV_SETS, TextureMap, Wrap};
 pub use values::{FACTOR_MAX, VALUE_MAX};

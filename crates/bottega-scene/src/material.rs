@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::color::Spectrum;
+use crate::displacement::{Displacement, DisplacementSource};
 use crate::emission::EmissionProfile;
 use crate::medium::MediumId;
 use crate::param::{ColorParam, ScalarParam};
@@ -164,6 +165,9 @@ pub struct Material {
     pub emission_profile: EmissionProfile,
     /// Perturbation of the shading normal; `None`: smooth.
     pub relief: Option<Relief>,
+    /// Displacement of the points of meshes; `None`, too, once these are displaced. Spheres and curves stay.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub displacement: Option<Displacement>,
     /// The medium behind the front; `None`: vacuum. Only meaningful if the surface transmits.
     pub interior: Option<MediumId>,
     /// The medium before the front; `None`: vacuum.
@@ -280,10 +284,14 @@ impl Material {
     /// Returns true if shading needs the tangents of the texture coordinates.
     pub fn needs_tangents(&self) -> bool {
         let back = if let Back::Other(surface) = &self.back { surface.needs_tangents() } else { false };
-        self.relief.is_some() || self.surface.needs_tangents() || back
+        let is_along =
+            |displacement: &Displacement| matches!(displacement.source, DisplacementSource::TangentVectors(_));
+        let displaced = self.displacement.as_ref().is_some_and(is_along);
+        self.relief.is_some() || displaced || self.surface.needs_tangents() || back
     }
 
-    /// Returns every texture that the material refers to: those of both sides, of emission, opacity and relief.
+    /// Returns every texture that the material refers to: those of both sides, of emission, opacity, relief and
+    /// displacement.
     pub fn textures(&self) -> Vec<&TextureMap> {
         let mut maps = Vec::new();
         self.surface.add_textures(&mut maps);
@@ -293,6 +301,7 @@ impl Material {
         maps.extend(&self.emission.texture);
         maps.extend(self.opacity.texture.as_ref().map(|(map, _)| map));
         maps.extend(self.relief.as_ref().and_then(Relief::texture));
+        maps.extend(self.displacement.as_ref().and_then(Displacement::texture));
         maps
     }
 }

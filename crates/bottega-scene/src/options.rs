@@ -7,6 +7,9 @@ use crate::motion::Shutter;
 /// The most refinements of subdivision surfaces.
 pub const SUBDIVISION_MAX: u8 = 6;
 
+/// The most halvings of the edges of displaced meshes.
+pub const DISPLACEMENT_MAX: u8 = 12;
+
 /// The options for loading a scene, and the limits on its size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadOptions {
@@ -30,6 +33,9 @@ pub struct LoadOptions {
     /// Number of refinements of subdivision surfaces, from 0 (their polygons) to [`SUBDIVISION_MAX`]; `None`: 2 for
     /// meshes that name their scheme, and 0 for others.
     pub subdivision: Option<u8>,
+    /// Number of times that the longest edge of a displaced mesh is halved, from 0 to [`DISPLACEMENT_MAX`]; `None`: edges
+    /// are as long as a texel of the texture. Part of the scene's digest; meshes are displaced when it is prepared.
+    pub displacement: Option<u8>,
     /// `true`: a scene without any light gets a neutral sky.
     pub add_sky: bool,
     /// `true`: the scene may refer to files outside of its own folder.
@@ -60,6 +66,7 @@ impl Default for LoadOptions {
             animation: None,
             variant: None,
             subdivision: None,
+            displacement: None,
             add_sky: true,
             allow_outside: false,
             asset_roots: Vec::new(),
@@ -95,6 +102,9 @@ impl LoadOptions {
         }
         if let Some(level) = self.subdivision {
             digest.update(b"subdivision").update(&[level]);
+        }
+        if let Some(level) = self.displacement {
+            digest.update(b"displacement").update(&[level]);
         }
         if self.cull_backfaces {
             digest.update(b"cull backfaces");

@@ -1,12 +1,14 @@
 //! The scattering models of surfaces: a closed set that covers those of the supported file formats.
 
 mod facets;
+mod gloss;
 mod layered;
 mod params;
 
 use serde::{Deserialize, Serialize};
 
 pub use facets::{Distribution, Facets, RoughnessScale, Shadowing};
+pub use gloss::{Phong, Ward, WardVariant};
 pub use layered::{Anisotropy, Iridescence, Layered};
 
 use crate::color::Spectrum;
@@ -39,6 +41,13 @@ pub enum Surface {
     /// A base below a dielectric boundary with all interreflections, as in pbrt's `coateddiffuse` and
     /// `coatedconductor`.
     Coated(Box<Coated>),
+    /// A base below a dielectric boundary whose inner reflections are lost, as in Mitsuba 0.6's `coating` and
+    /// `roughcoating`. See [`varnished`](Self::varnished).
+    Varnished(Box<Varnished>),
+    /// A diffuse surface with Phong's highlights, as in Mitsuba 0.6's `phong`.
+    Phong(Phong),
+    /// A diffuse surface with Ward's highlights, as in Mitsuba 0.6's `ward`.
+    Ward(Ward),
     /// Disney's material, as in Mitsuba's `principled` and `principledthin`.
     Principled(Box<Principled>),
     /// The layered material of glTF and its extensions.
@@ -160,6 +169,22 @@ pub struct Coated {
     pub base: CoatedBase,
 }
 
+/// A base, a clear layer above it, and the layer's dielectric boundary. Light that the boundary reflects back to the base
+/// is lost.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Varnished {
+    /// Index of refraction of the layer over that of the outside.
+    pub eta: f32,
+    /// Microfacets of the boundary.
+    pub facets: Facets,
+    /// Factor of the reflection of the boundary.
+    pub specular: ColorParam,
+    /// Optical thickness of the layer per channel: absorption coefficient times thickness.
+    pub absorption: ColorParam,
+    /// The base below the layer: diffuse, metal, plastic, Phong's, Ward's, or Disney's without transmission.
+    pub base: Surface,
+}
+
 /// The parameters of Disney's material (Burley 2012 and 2015).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Principled {
@@ -234,6 +259,47 @@ impl Surface {
         Self::Sum(Box::new(surfaces.map(Self::met)))
     }
 
+    /// Returns the surface below a varnish, which `over` makes of a base and a factor of the boundary's reflection. Each
+    /// part of a blend or a sum gets its own varnish, which scatters the same in total. `None`: the surface cannot be a
+    /// base.
+    pub fn varnished(self, over: &impl Fn(Self, f32) -> Varnished) -> Option<Self> {
+        self.varnished_by(1.0, over)
+    }
+
+    fn varnished_by(self, share: f32, over: &impl Fn(Self, f32) -> Varnished) -> Option<Self> {
+        Some(match self {
+            Self::Blend { weight, surfaces } => {
+                let [first, second] = *surfaces;
+                Self::blend(weight, [first.varnished_by(share, over)?, second.varnished_by(share, over)?])
+            }
+            // The boundary reflects once: half with each part
+            Self::Sum(surfaces) => {
+                let [first, second] = *surfaces;
+                Self::sum([first.varnished_by(0.5 * share, over)?, second.varnished_by(0.5 * share, over)?])
+            }
+            base if base.is_base() => Self::Varnished(Box::new(over(base, share))),
+            _ => return None,
+        })
+    }
+
+    /// Returns true if the surface may be the base of a [`Varnished`].
+    fn is_base(&self) -> bool {
+        match self {
+            Self::Diffuse(_) | Self::Conductor(_) | Self::Plastic(_) | Self::Phong(_) | Self::Ward(_) => true,
+            Self::Principled(principled) => !principled.thin && !self.transmits(),
+            _ => false,
+        }
+    }
+
+    /// Returns true unless a varnish lies on a surface that cannot be its base.
+    pub(crate) fn has_sound_varnish(&self) -> bool {
+        match self {
+            Self::Varnished(varnished) => varnished.base.is_base(),
+            Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().all(Self::has_sound_varnish),
+            _ => true,
+        }
+    }
+
     /// Returns the surface as one that rays meet.
     fn met(self) -> Self {
         if self == Self::Null { Self::clear_sheet(Spectrum::ONE.into()) } else { self }
@@ -244,6 +310,7 @@ impl Surface {
         match self {
             Self::Null | Self::Dielectric(_) | Self::DiffuseTransmission { .. } | Self::Hair(_) => true,
             Self::Unlit(_) | Self::Diffuse(_) | Self::Conductor(_) | Self::Plastic(_) | Self::Coated(_) => false,
+            Self::Varnished(_) | Self::Phong(_) | Self::Ward(_) => false,
             Self::Principled(p) => p.spec_trans.factor > 0.0 || (p.thin && p.diff_trans.factor > 0.0),
             Self::Layered(l) => l.transmission.factor > 0.0 || l.diffuse_transmission.factor > 0.0,
             Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().any(Self::transmits),
@@ -269,6 +336,8 @@ impl Surface {
             Self::Dielectric(dielectric) => dielectric.facets.is_smooth(),
             Self::Plastic(plastic) => plastic.facets.is_smooth(),
             Self::Coated(coated) => coated.facets.is_smooth(),
+            Self::Varnished(varnished) => varnished.facets.is_smooth() || varnished.base.has_mirror(),
+            Self::Phong(_) | Self::Ward(_) => false,
             Self::Principled(principled) => principled.roughness.factor == 0.0,
             Self::Layered(layered) => layered.roughness.factor == 0.0,
             Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().any(Self::has_mirror),
@@ -318,11 +387,13 @@ impl Surface {
                 };
                 base || is_stretched(&coated.facets)
             }
+            Self::Varnished(varnished) => is_stretched(&varnished.facets) || varnished.base.needs_tangents(),
+            Self::Ward(ward) => ward.roughness[0] != ward.roughness[1],
             Self::Principled(principled) => principled.anisotropic.factor > 0.0,
             Self::Layered(layered) => layered.anisotropy.is_some() || layered.coat_normal.is_some(),
             Self::Hair(_) => true,
             Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().any(Self::needs_tangents),
-            Self::Null | Self::Unlit(_) | Self::Diffuse(_) | Self::DiffuseTransmission { .. } => false,
+            Self::Null | Self::Unlit(_) | Self::Diffuse(_) | Self::DiffuseTransmission { .. } | Self::Phong(_) => false,
         }
     }
 

@@ -3,6 +3,8 @@
 use glam::{Affine2, Affine3A};
 use serde::{Deserialize, Serialize};
 
+use crate::noise::{Noise, Octaves};
+
 /// Index into [`Scene::images`](crate::Scene::images).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct ImageId(pub u32);
@@ -48,8 +50,9 @@ pub struct Mapping {
     pub mapping_from_world: Affine3A,
 }
 
-/// The formula of texture coordinates by position; v runs downwards.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+/// The formula of texture coordinates by position (x, y, z); v runs downwards. The picture of a mapping with v = ½ is a
+/// ramp: it makes a value or a color of u.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MappingKind {
     /// u = x, v = 1 − y.
@@ -60,6 +63,34 @@ pub enum MappingKind {
     Cylindrical,
     /// u = x, v = 1 − y − ⌊z⌋. ⌊u⌋ + ⌊1 − v⌋ is even where ⌊x⌋ + ⌊y⌋ + ⌊z⌋ is, so a 2D checkerboard becomes a 3D one.
     Cells,
+    /// u = noise at the position; v = ½.
+    Noise(Noise),
+    /// u = ½ + ½ sin(y + variation · fBm), as the veins of marble; v = ½.
+    Veins {
+        /// Octaves of the fBm.
+        octaves: Octaves,
+        /// Factor of the fBm.
+        variation: f32,
+    },
+    /// u = 1 within a dot of the plane (x, y), else 0; see [`is_within_dot`](crate::is_within_dot). v = ½.
+    Dots {
+        /// `true`: (x, y, z) is transformed from the first texture coordinates (u, v, 0) of the surface, not from world
+        /// space.
+        on_surface: bool,
+    },
+    /// u = |z| of the surface's normal; v = ½.
+    Facing,
+}
+
+impl MappingKind {
+    /// Returns true if the parameters are finite, and octaves at most [`OCTAVES_MAX`](crate::OCTAVES_MAX).
+    pub(crate) fn is_sound(&self) -> bool {
+        match self {
+            Self::Noise(Noise::Fbm(octaves) | Noise::Turbulence(octaves)) => octaves.is_sound(),
+            Self::Veins { octaves, variation } => octaves.is_sound() && variation.is_finite(),
+            _ => true,
+        }
+    }
 }
 
 /// A picture on a surface: its texture coordinates, and the lookup beyond its edges and between its texels.

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use crate::camera::{Aperture, BLADES_MAX, Camera, Clip, Projection, Stereo};
 use crate::color::Spectrum;
+use crate::displacement::Displacement;
 use crate::error::{SceneError, Violation};
 use crate::keys::{check_instance_keys, check_times, check_transform_keys};
 use crate::light::{Environment, LightKind, Portal};
@@ -55,7 +56,9 @@ impl Scene {
             self.check_material(sphere.material)
         })?;
         each("materials", &self.materials, |material| self.check_parameters(material))?;
-        each("mappings", &self.mappings, |mapping| check(mapping.mapping_from_world.is_finite(), "it is not finite"))?;
+        each("mappings", &self.mappings, |mapping| {
+            check(mapping.mapping_from_world.is_finite() && mapping.kind.is_sound(), "it is not finite")
+        })?;
         each("media", &self.media, check_medium)?;
         each("lights", &self.lights, |light| {
             self.check_light(&light.kind)?;
@@ -161,6 +164,10 @@ impl Scene {
         check(is_color(&material.emission), FACTOR)?;
         check(material.emission_profile.is_sound(), "its emission has no cone: from 0.1° to below 90° is allowed")?;
         check(is_factor(material.opacity.factor), FACTOR)?;
+        check(
+            material.displacement.as_ref().is_none_or(Displacement::is_sound),
+            "a number of its displacement is not finite",
+        )?;
         if let AlphaMode::Mask { cutoff } = material.alpha_mode {
             check(is_factor(cutoff), FACTOR)?;
         }
@@ -183,6 +190,7 @@ impl Scene {
         let (colors, scalars) = surface.params();
         check(colors.into_iter().all(is_color), FACTOR)?;
         check(scalars.into_iter().all(|scalar| is_factor(scalar.factor)), FACTOR)?;
+        check(surface.has_sound_varnish(), "a varnish lies on a surface that cannot be its base")?;
         check(surface.has_sound_scales(), "the scales of its hair have an angle beyond 90°")?;
         check(surface.has_sound_subsurface(), "the asymmetry g of its subsurface scattering is not between −1 and 1")?;
         check(surface.indices_of_refraction().into_iter().all(is_factor), "an index of refraction is negative")

@@ -8,6 +8,7 @@ mod mutation;
 mod pbrt;
 mod pbrt_lenses;
 mod pbrt_mappings;
+mod pbrt_noise;
 mod saved;
 mod usd;
 mod voxels;

@@ -6,7 +6,7 @@ mod projection;
 use std::{sync::Arc, time::Instant};
 
 use bottega_image::Rect;
-use bottega_render::{PrepareOptions, PreparedScene, Prepass, View, build_accel};
+use bottega_render::{PrepareOptions, PreparedScene, Prepass, View, build_accel, displace};
 use bottega_scene::{
     Camera, Environment, LoadOptions, Loaded, Panorama, Projection, RenderHints, Scene, SceneFile, Shutter, Spectrum,
     StereoLayout, Warning,
@@ -69,7 +69,8 @@ impl LoadedScene {
     }
 
     fn of(loaded: Loaded, request: &Request) -> Result<Self, Error> {
-        let Loaded { mut scene, warnings, mut hints, files, .. } = loaded;
+        let Loaded { mut scene, mut warnings, mut hints, files, .. } = loaded;
+        displace_meshes(&mut scene, request, &mut warnings);
         let cameras = scene.cameras.clone();
         let (camera, aimed) = aimed(&cameras, scene.origin, &request.view)?;
         let [width, height] = size(request, &hints, &aimed)?;
@@ -132,9 +133,17 @@ impl SceneOptions {
             animation: self.animation.clone(),
             variant: self.variant.clone(),
             subdivision: self.subdivision,
+            displacement: self.displacement,
             ..LoadOptions::default()
         }
     }
+}
+
+/// Displaces the meshes whose materials ask for it, with warnings about what stays.
+fn displace_meshes(scene: &mut Scene, request: &Request, warnings: &mut Vec<Warning>) {
+    let memory = LoadOptions::default().max_memory_bytes.saturating_sub(scene.memory_bytes());
+    let notes = displace(scene, request.scene.displacement, memory);
+    warnings.extend(notes.into_iter().map(|message| Warning { place: String::new(), message, is_unsupported: true }));
 }
 
 fn no_camera() -> Error {

@@ -74,6 +74,7 @@ fn change() -> impl Strategy<Value = Apply> {
         of(option::of(-1e6f32..1e6), |r, v| r.scene.time = v),
         of(option::of(name()), |r, v| r.scene.animation = v),
         of(option::of(0u8..7), |r, v| r.scene.subdivision = v),
+        of(option::of(0u8..13), |r, v| r.scene.displacement = v),
         of(option::of(light()), |r, v| r.environment.light = v),
         of(-720.0f32..720.0, |r, v| r.environment.rotate = v),
         of(0.0f32..1e5, |r, v| r.environment.strength = v),

@@ -48,6 +48,8 @@ const SECTIONS: &[Section] = &[
             ModelEntry("Glass", "bsdf/dielectric.rs", ModelPicture::of("dielectric", "dielectric.xml")),
             ModelEntry("Plastic", "bsdf/plastic.rs", ModelPicture::of("plastic", "plastic.xml")),
             ModelEntry("Coated", "bsdf/coated.rs", ModelPicture::of("coated", "coated.pbrt")),
+            ModelEntry("Varnish", "bsdf/varnish.rs", ModelPicture::of("varnish", "varnish.xml")),
+            ModelEntry("Highlights of Phong and Ward", "bsdf/gloss.rs", ModelPicture::of("gloss", "gloss.xml")),
             ModelEntry("Principled", "bsdf/principled.rs", ModelPicture::of("principled", "principled.xml")),
             ModelEntry("Hair", "bsdf/hair.rs", ModelPicture::of("hair", "hair.pbrt")),
             ModelEntry("The layered material of glTF", "bsdf/layered.rs", None),

@@ -54,6 +54,14 @@ pub(super) fn add_surface(writer: &mut Writer<'_>, surface: &Surface) -> u32 {
             writer.missing.push("hair".into());
             0
         }
+        Surface::Varnished(_) => {
+            writer.missing.push("varnish".into());
+            0
+        }
+        Surface::Phong(_) | Surface::Ward(_) => {
+            writer.missing.push("highlights of Phong and Ward".into());
+            0
+        }
     }
 }
 
@@ -249,8 +257,8 @@ fn features(surface: &Surface) -> Features {
     let stack = Features::STACK.with(Features::CONDUCTOR);
     match surface {
         Surface::Null | Surface::Unlit(_) | Surface::Blend { .. } | Surface::Sum(_) => Features::default(),
-        // Scenes with hair are declined as a whole
-        Surface::Hair(_) => Features::default(),
+        // Scenes with these are declined as a whole
+        Surface::Hair(_) | Surface::Varnished(_) | Surface::Phong(_) | Surface::Ward(_) => Features::default(),
         Surface::Diffuse(_) | Surface::DiffuseTransmission { .. } => Features::default(),
         Surface::Conductor(it) => facets(&it.facets).with(Features::CONDUCTOR),
         Surface::Dielectric(it) => facets(&it.facets).with(Features::DIELECTRIC),

@@ -39,7 +39,7 @@ from ._lights import (
     SpotLight,
     SunLight,
 )
-from ._materials import BumpMap, Material, Medium, NormalMap
+from ._materials import BumpMap, Displacement, Material, Medium, NormalMap
 from ._native import Analysis, ImageFile, Picture, Voxels, __version__, read, stop_all
 from ._requests import (
     DeviceOptions,
@@ -72,6 +72,7 @@ from ._surfaces import (
     Iridescence,
     Layered,
     Null,
+    Phong,
     Plastic,
     Principled,
     Subsurface,
@@ -79,6 +80,8 @@ from ._surfaces import (
     Surface,
     Transparent,
     Unlit,
+    Varnished,
+    Ward,
 )
 from ._values import Texture, Visibility
 from ._viewport import Frame, Viewport, ViewportMachine
@@ -97,6 +100,7 @@ __all__ = [
     "Dielectric",
     "Diffuse",
     "DiffuseTransmission",
+    "Displacement",
     "EngineError",
     "EngineOptions",
     "Environment",
@@ -134,6 +138,7 @@ __all__ = [
     "Null",
     "Object",
     "OutputOptions",
+    "Phong",
     "PhotonOptions",
     "Picture",
     "PictureError",
@@ -159,11 +164,13 @@ __all__ = [
     "Texture",
     "Transparent",
     "Unlit",
+    "Varnished",
     "ViewOptions",
     "Viewport",
     "Voxels",
     "ViewportMachine",
     "Visibility",
+    "Ward",
     "WorkOptions",
     "__version__",
     "analyze",

@@ -12,11 +12,15 @@ from ._values import (
     ColorKind,
     KeyKind,
     Kind,
+    MaybeRealKind,
     Names,
     Number,
     NumberKind,
     Texture,
+    TexturedColorKind,
+    TextureKind,
     Value,
+    ValueKind,
     choice,
     color,
     flag,
@@ -102,6 +106,38 @@ class BackKind(SurfaceKind):
 
 
 @dataclass
+class Displacement(Value):
+    """Moves the points of meshes by a `Texture`; they are refined first. `scale` times the texture, plus `bias`, is a length.
+
+    - `vectors`: `none`: heights along the normal; `tangent`: red along the tangent, green along the normal, blue along the bitangent; `object`.
+    - `space`: `object`: larger objects are displaced more; `world`: lengths are scene units.
+    - `edge`: the longest edge after refinement; `None`: a texel.
+    """
+
+    texture: Texture = of(TextureKind(), ...)
+    scale: float = plain_real(1.0, -1e15)
+    bias: float = plain_real(0.0, -1e15)
+    vectors: Literal["none", "tangent", "object"] = choice("none", "tangent", "object")
+    space: Literal["object", "world"] = choice("object", "world")
+    edge: float | None = of(MaybeRealKind(), None)
+
+    def plain_fields(self, names: Names) -> dict[str, Any]:
+        plain = {"scale": self.scale, "bias": self.bias, "space": self.space, "edge": self.edge}
+        if self.vectors == "none":
+            return {**plain, "source": {"heights": NumberKind().plain(self.texture, names)}}
+        return {**plain, "source": {f"{self.vectors}_vectors": TexturedColorKind().plain(self.texture, names)}}
+
+    @classmethod
+    def of_plain(cls, plain: dict[str, Any], names: Names) -> Displacement:
+        ((kind, members),) = plain["source"].items()
+        same: dict[str, Any] = {name: plain.get(name) for name in ("scale", "bias", "space", "edge")}
+        if kind == "heights":
+            return cls(NumberKind().value(members, names), **same)
+        same["vectors"] = kind.removesuffix("_vectors")
+        return cls(TexturedColorKind().value(members, names), **same)
+
+
+@dataclass
 class Material(Value):
     """The properties of a surface at each of its points. The fields of its `surface` are fields of the material as well:
     `material.roughness = 0.2`.
@@ -112,7 +148,7 @@ class Material(Value):
     - `culls_back`: the camera sees through it from behind.
     - `emission`: radiance R G B in W·sr⁻¹·m⁻², from `emission_sides`. `emission_spread`: full angle in degrees of the cone around the
       normal into which it emits, from 0.2 to 180 (all directions); the power stays.
-    - `relief`: a `NormalMap`, a `BumpMap`, or `None`.
+    - `relief`: a `NormalMap`, a `BumpMap`, or `None`. `displacement`: a `Displacement`, or `None`.
     - `interior`, `exterior`: keys of the media behind and before the front; `None`: vacuum.
     - `see_through`: light that passes straight through a smooth thin sheet counts no bounce; always so with `Transparent`.
     """
@@ -127,6 +163,7 @@ class Material(Value):
     emission_sides: Sides = choice("both", "front", "back")
     emission_spread: float = plain_real(180.0, 0.2, 180.0)
     relief: Relief | None = of(ReliefKind(), None)
+    displacement: Displacement | None = of(ValueKind(Displacement), None)
     interior: str | None = of(KeyKind("medium"), None)
     exterior: str | None = of(KeyKind("medium"), None)
     see_through: bool = flag(False)
@@ -175,6 +212,7 @@ class Material(Value):
         spread = 2.0 * math.degrees(profile["spread"]["half_angle"]) if "spread" in profile else 180.0
         members = {"alpha": alpha if mask is None else "mask", "alpha_cutoff": mask["cutoff"] if mask else 0.5}
         members["emission_spread"] = min(spread, 180.0)
+        members["displacement"] = plain.get("displacement")
         if plain["see_through"]:
             members["surface"] = with_transparency(plain["surface"])
             if isinstance(plain["back"], dict):

@@ -683,6 +683,11 @@ class SceneOptions(Section):
     """
     defines: Mapping[str, str] = field(default_factory=lambda: {})
     """Parameters of a Mitsuba scene (its `<default>`s), by name."""
+    displacement: int | None = None
+    """How often the longest edge of a mesh that a texture displaces is halved, from 0 to 12; none:
+    until edges are as long as a texel, or as the file says, with at most a million triangles per
+    mesh. With a number, a mesh has at most 4 million.
+    """
     file: str
     """The scene: glTF (.glb, .gltf), USD (.usd, .usda, .usdc, .usdz), Mitsuba 3 (.xml), pbrt-v4
     (.pbrt), a mesh (.obj, .ply), or what another engine reads.

@@ -200,6 +200,41 @@ class Coated(Faceted):
 
 
 @dataclass
+class Varnished(Faceted):
+    """A base below a clear layer whose boundary has the roughness. Light reflected back inside is lost, as in Mitsuba 0.6's `coating`.
+
+    `absorption` is the optical thickness of the layer, R G B. The base is a `Diffuse`, `Conductor`, `Plastic`, `Phong`, `Ward`, or a `Principled` that transmits nothing.
+    """
+
+    tag = "varnished"
+    eta: float = plain_real(1.5)
+    specular: Color = color(1.0)
+    absorption: Color = color(0.0)
+    base: Surface = of(SurfaceKind(), Diffuse())
+
+
+@dataclass
+class Phong(Surface):
+    """A diffuse surface with Phong's highlights. `diffuse` and `specular` together are at most 1; `exponent`: 0 broad, 1000 sharp."""
+
+    tag = "phong"
+    diffuse: Color = color(0.5)
+    specular: Color = color(0.2)
+    exponent: Number = number(30.0)
+
+
+@dataclass
+class Ward(Surface):
+    """A diffuse surface with Ward's highlights. `roughness`: α, or a pair of it along u and v. `variant`: the normalization."""
+
+    tag = "ward"
+    diffuse: Color = color(0.5)
+    specular: Color = color(0.2)
+    roughness: Roughness = of(RoughnessKind(), 0.1)
+    variant: Literal["balanced", "ward", "duer"] = choice("balanced", "ward", "duer")
+
+
+@dataclass
 class Principled(Surface):
     """Disney's material (Burley 2012 and 2015). `roughness` is perceptual: α is its square."""
 
@@ -433,6 +468,9 @@ _CLASSES: tuple[type[Surface], ...] = (
     Dielectric,
     Plastic,
     Coated,
+    Varnished,
+    Phong,
+    Ward,
     Principled,
     Layered,
     Hair,

@@ -17,9 +17,9 @@
 //! - coat and sheen attenuate the layers below by min(1 − E(μo), 1 − E(μi)), as in KHR_materials_sheen: never too little,
 //!   and up to 5 % too much over a diffuse base.
 //!
-//! The surfaces of Mitsuba and pbrt (`matte`, `conductor`, `dielectric`, `plastic`, `coated`, `principled`) use the
-//! formulas of those renderers, so that pictures of the same file agree; `hair` is that of both. Like there, light scattered more than once
-//! between facets is lost.
+//! The surfaces of Mitsuba and pbrt (`matte`, `conductor`, `dielectric`, `plastic`, `coated`, `varnish`, `gloss`,
+//! `principled`) use the formulas of those renderers, so that pictures of the same file agree; `hair` is that of both. Like
+//! there, light scattered more than once between facets is lost.
 
 mod base;
 mod beckmann;
@@ -34,6 +34,7 @@ mod film;
 pub mod frame;
 pub mod fresnel;
 pub mod ggx;
+mod gloss;
 mod hair;
 mod interface;
 mod layered;
@@ -50,6 +51,7 @@ mod subsurface;
 mod surface;
 mod tables;
 mod unevenness;
+mod varnish;
 pub mod warp;
 
 use bottega_scene::Spectrum;

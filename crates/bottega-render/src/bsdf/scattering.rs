@@ -6,6 +6,7 @@ use glam::Vec3;
 use super::coated::Stack;
 use super::conductor::Conductor;
 use super::dielectric::Dielectric;
+use super::gloss::Gloss;
 use super::hair::Hair;
 use super::interface::{Interface, TransmissionKind};
 use super::layered::{Layered, LayeredAt};
@@ -14,6 +15,7 @@ use super::plastic::Plastic;
 use super::principled::{Principled, PrincipledSheet};
 use super::scatter::{Lobes, Scatter};
 use super::subsurface::SubsurfaceExit;
+use super::varnish::Varnish;
 use super::{BsdfSample, LiftedNormal, LobeFlags, SurfaceParams, TransportMode, warp};
 
 /// The BSDF at one point. See the [module](super) for the local frame.
@@ -59,6 +61,8 @@ pub(super) enum OtherBsdf {
     Dielectric(Dielectric),
     Plastic(Plastic),
     Stack(Stack),
+    Varnish(Varnish),
+    Gloss(Gloss),
     Principled(Principled),
     PrincipledSheet(PrincipledSheet),
     Hair(Hair),
@@ -75,6 +79,8 @@ macro_rules! ask {
             OtherBsdf::Dielectric($it) => $answer,
             OtherBsdf::Plastic($it) => $answer,
             OtherBsdf::Stack($it) => $answer,
+            OtherBsdf::Varnish($it) => $answer,
+            OtherBsdf::Gloss($it) => $answer,
             OtherBsdf::Principled($it) => $answer,
             OtherBsdf::PrincipledSheet($it) => $answer,
             OtherBsdf::Hair($it) => $answer,

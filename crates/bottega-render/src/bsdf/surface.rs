@@ -3,8 +3,8 @@
 use bottega_kernels::math;
 use bottega_scene::{
     Anisotropy, Coated, CoatedBase, ColorParam, Diffuse, Facets, Hair as HairSurface, InnerReflection, Iridescence,
-    Layered, Material, Pigment, Principled as PrincipledSurface, RoughnessScale, ScalarParam, Scene, Spectrum, Strand,
-    Subsurface, Surface, TextureMap, Uvs,
+    Layered, Material, Phong, Pigment, Plastic as PlasticSurface, Principled as PrincipledSurface, RoughnessScale,
+    ScalarParam, Scene, Spectrum, Strand, Subsurface, Surface, TextureMap, Uvs, Varnished, Ward,
 };
 use glam::{Vec2, Vec3, Vec4};
 
@@ -12,6 +12,7 @@ use super::coated::{ClearLayer, Stack, StackBase, matte_coated};
 use super::conductor::Conductor;
 use super::cover::Mean;
 use super::dielectric::Dielectric;
+use super::gloss::{Gloss, Highlight};
 use super::hair::{Hair, HairParams, sigma_a_of_melanin, sigma_a_of_reflectance};
 use super::matte::{RoughMatte, Translucent};
 use super::microfacet::Microfacets;
@@ -20,6 +21,7 @@ use super::principled::{Principled, PrincipledParams, PrincipledSheet};
 use super::scatter::{split, within_range};
 use super::scattering::OtherBsdf;
 use super::subsurface::Interior;
+use super::varnish::{Varnish, VarnishBase};
 use super::{Bsdf, LiftedNormal, SurfaceParams};
 use crate::mapping::{MappingPoint, TexturePlace};
 
@@ -210,15 +212,11 @@ fn of_part(scene: &Scene, surface: &Surface, point: &SurfacePoint) -> Bsdf {
             );
             Bsdf::other(dielectric.map(OtherBsdf::Dielectric))
         }
-        Surface::Plastic(plastic) => {
-            let facets = point.facets(scene, &plastic.facets);
-            let (eta, diffuse) = (sound_eta(plastic.eta), point.base(scene, &plastic.diffuse));
-            let specular = point.share(scene, &plastic.specular);
-            let has_cover = plastic.inner != InnerReflection::Lost && !facets.is_smooth();
-            let cover = has_cover.then(|| facets.cover(eta, 0.0, Mean::Nodes));
-            Bsdf::other(Some(OtherBsdf::Plastic(Plastic::new(eta, diffuse, specular, plastic.inner, facets, cover))))
-        }
+        Surface::Plastic(plastic) => Bsdf::other(Some(OtherBsdf::Plastic(of_plastic(scene, plastic, point)))),
         Surface::Coated(coated) => Bsdf::other(Some(of_coated(scene, coated, point))),
+        Surface::Varnished(varnished) => Bsdf::other(of_varnished(scene, varnished, point).map(OtherBsdf::Varnish)),
+        Surface::Phong(phong) => Bsdf::other(of_phong(scene, phong, point).map(OtherBsdf::Gloss)),
+        Surface::Ward(ward) => Bsdf::other(of_ward(scene, ward, point).map(OtherBsdf::Gloss)),
         Surface::Principled(principled) => {
             let params = of_principled(scene, principled, point);
             Bsdf::other(Some(if principled.thin {
@@ -235,10 +233,56 @@ fn of_diffuse(scene: &Scene, diffuse: &Diffuse, point: &SurfacePoint) -> Bsdf {
     let color = point.base(scene, &diffuse.reflectance);
     let deviation = point.scalar(scene, &diffuse.roughness);
     if deviation > 0.0 && color != Spectrum::ZERO {
-        Bsdf::other(Some(OtherBsdf::RoughMatte(RoughMatte::new(color, deviation.min(10.0)))))
+        Bsdf::other(Some(OtherBsdf::RoughMatte(RoughMatte::new(color, deviation.min(DEVIATION_MAX)))))
     } else {
         Bsdf::lambert(color)
     }
+}
+
+fn of_plastic(scene: &Scene, plastic: &PlasticSurface, point: &SurfacePoint) -> Plastic {
+    let facets = point.facets(scene, &plastic.facets);
+    let (eta, diffuse) = (sound_eta(plastic.eta), point.base(scene, &plastic.diffuse));
+    let specular = point.share(scene, &plastic.specular);
+    let has_cover = plastic.inner != InnerReflection::Lost && !facets.is_smooth();
+    let cover = has_cover.then(|| facets.cover(eta, 0.0, Mean::Nodes));
+    Plastic::new(eta, diffuse, specular, plastic.inner, facets, cover)
+}
+
+fn of_phong(scene: &Scene, phong: &Phong, point: &SurfacePoint) -> Option<Gloss> {
+    let highlight = Highlight::phong(point.scalar(scene, &phong.exponent));
+    Gloss::new(point.base(scene, &phong.diffuse), point.share(scene, &phong.specular), highlight)
+}
+
+fn of_ward(scene: &Scene, ward: &Ward, point: &SurfacePoint) -> Option<Gloss> {
+    let alpha = ward.roughness.each_ref().map(|roughness| point.scalar(scene, roughness));
+    let highlight = Highlight::ward(alpha, ward.variant);
+    Gloss::new(point.base(scene, &ward.diffuse), point.share(scene, &ward.specular), highlight)
+}
+
+/// Returns the BSDF of a varnish; `None` for a base that [`Scene::validate`] excludes.
+fn of_varnished(scene: &Scene, varnished: &Varnished, point: &SurfacePoint) -> Option<Varnish> {
+    // A black base scatters nothing
+    let black = || VarnishBase::Matte(RoughMatte::new(Spectrum::ZERO, 0.0));
+    let base = match &varnished.base {
+        Surface::Diffuse(diffuse) => {
+            let deviation = within_range(point.scalar(scene, &diffuse.roughness), 0.0, DEVIATION_MAX);
+            VarnishBase::Matte(RoughMatte::new(point.base(scene, &diffuse.reflectance), deviation))
+        }
+        Surface::Conductor(conductor) => {
+            of_conductor(scene, conductor, point, 1.0).map_or_else(black, VarnishBase::Conductor)
+        }
+        Surface::Plastic(plastic) => VarnishBase::Plastic(of_plastic(scene, plastic, point)),
+        Surface::Phong(phong) => of_phong(scene, phong, point).map_or_else(black, VarnishBase::Gloss),
+        Surface::Ward(ward) => of_ward(scene, ward, point).map_or_else(black, VarnishBase::Gloss),
+        Surface::Principled(principled) => {
+            VarnishBase::Principled(Principled::new(of_principled(scene, principled, point), false))
+        }
+        _ => return None,
+    };
+    let (eta, facets) = (sound_eta(varnished.eta), point.facets(scene, &varnished.facets));
+    let absorption = within(point.color(scene, &varnished.absorption), ABSORPTION_MAX);
+    let cover = (!facets.is_smooth()).then(|| facets.cover(eta, 0.0, Mean::Nodes));
+    Some(Varnish { eta, facets, cover, specular: point.share(scene, &varnished.specular), absorption, base })
 }
 
 fn of_coated(scene: &Scene, coated: &Coated, point: &SurfacePoint) -> OtherBsdf {
@@ -327,7 +371,10 @@ fn of_conductor(
     Conductor::new(index(&conductor.eta), index(&conductor.k), tint, point.facets(scene, &conductor.facets))
 }
 
-/// Largest absorption and concentration of pigments: nothing passes through such a fibre.
+/// Largest standard deviation of the slopes of a rough matte surface.
+const DEVIATION_MAX: f32 = 10.0;
+
+/// Largest absorption and concentration of pigments: nothing passes through such a fibre or layer.
 const ABSORPTION_MAX: f32 = 1e6;
 
 /// Largest number of scattering events followed within a layer.

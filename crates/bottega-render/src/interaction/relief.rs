@@ -21,7 +21,7 @@ pub(super) fn bumped_normal(
     let (uv, footprint) = place.of(scene, map, footprint);
     let slopes = scene.images[map.image.0 as usize].slopes(map, uv, footprint);
     if let Some(mapping) = map.mapping(scene) {
-        let [u, v] = gradients(mapping, place.mapping_point.p);
+        let [u, v] = gradients(mapping, &place.mapping_point);
         let slope = (u * slopes[0][*channel as usize] + v * slopes[1][*channel as usize]) * height.factor;
         return (ns - (slope - ns * ns.dot(slope))).normalize_or(ns);
     }

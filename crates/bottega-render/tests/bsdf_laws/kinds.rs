@@ -3,8 +3,8 @@
 use bottega_render::bsdf::{Bsdf, TransportMode};
 use bottega_scene::InnerReflection::{self, Linear, Lost, Nonlinear};
 use bottega_scene::{
-    Coated, CoatedBase, Conductor, Dielectric, Diffuse, Distribution, Facets, Hair, Material, Pigment, Plastic,
-    Principled, Shadowing, Spectrum, Strand, Surface,
+    Coated, CoatedBase, Conductor, Dielectric, Diffuse, Distribution, Facets, Hair, Material, Phong, Pigment, Plastic,
+    Principled, Shadowing, Spectrum, Strand, Surface, Varnished, Ward, WardVariant,
 };
 use glam::Vec3;
 
@@ -91,6 +91,26 @@ fn principled(change: impl FnOnce(&mut Principled)) -> Surface {
     Surface::Principled(Box::new(surface))
 }
 
+fn phong(diffuse: f32, exponent: f32) -> Surface {
+    let [diffuse, specular] = [diffuse, 1.0 - diffuse].map(|share| Spectrum::splat(share).into());
+    Surface::Phong(Phong { diffuse, specular, exponent: exponent.into() })
+}
+
+fn ward(roughness: [f32; 2], variant: WardVariant) -> Surface {
+    let [diffuse, specular] = [0.3, 0.7].map(|share| Spectrum::splat(share).into());
+    Surface::Ward(Ward { diffuse, specular, roughness: roughness.map(Into::into), variant })
+}
+
+fn unvarnished(base: Surface) -> Varnished {
+    let (specular, absorption) = (WHITE.into(), Spectrum::ZERO.into());
+    Varnished { eta: 1.5, facets: Facets::smooth(), specular, absorption, base }
+}
+
+fn varnished(facets: Facets, absorption: f32, base: Surface) -> Surface {
+    let absorption = Spectrum::new(absorption, 0.0, 0.5 * absorption).into();
+    Surface::Varnished(Box::new(Varnished { facets, absorption, ..unvarnished(base) }))
+}
+
 /// Hair with equal roughnesses.
 fn hair(pigment: Pigment, roughness: f32, strand: Strand) -> Surface {
     let (beta_m, beta_n) = (roughness.into(), roughness.into());
@@ -100,6 +120,9 @@ fn hair(pigment: Pigment, roughness: f32, strand: Strand) -> Surface {
 fn white_hair(roughness: f32, strand: Strand) -> Surface {
     hair(Pigment::SigmaA(Spectrum::ZERO.into()), roughness, strand)
 }
+
+/// Dür's highlights, which may be brighter than the light that makes them.
+const UNBOUNDED: &str = "Ward of 2006";
 
 /// A kind of surface by its perceptual roughness, and whether it is seen from the front.
 type Kind = (&'static str, bool, fn(f32) -> Surface);
@@ -129,6 +152,17 @@ const KINDS: &[Kind] = &[
     ("plastic that loses", true, |r| plastic(GRAY, Lost, even(BECKMANN, r * r))),
     ("coated matte", true, |r| coated(even(GGX, r * r), 0.1, 0.0, diffuse_base(GRAY))),
     ("smoothly coated matte", true, |r| coated(Facets::smooth(), r, 0.0, diffuse_base(GRAY))),
+    ("Phong", true, |r| phong(0.4, 2.0 / (r * r * r * r) - 2.0)),
+    ("Ward", true, |r| ward([r * r, 0.4], WardVariant::Balanced)),
+    ("Ward of 1992", true, |r| ward([r * r; 2], WardVariant::Ward)),
+    (UNBOUNDED, true, |r| ward([0.3, r * r], WardVariant::Duer)),
+    ("varnished matte", true, |r| varnished(even(GGX, r * r), 0.2, matte(GRAY, 0.4))),
+    ("varnished metal", true, |r| varnished(Facets::smooth(), 0.2, Surface::Conductor(gold(even(GGX, r * r))))),
+    ("rough varnish on metal", true, |r| {
+        varnished(even(BECKMANN, 0.3), 0.0, Surface::Conductor(gold(facets(GGX, r * r, 0.3))))
+    }),
+    ("varnished Ward", true, |r| varnished(even(GGX, 0.2), 0.1, ward([r * r, 0.2], WardVariant::Balanced))),
+    ("varnished plastic", true, |r| varnished(Facets::smooth(), 0.0, plastic(GRAY, Linear, even(GGX, r * r)))),
     ("Disney's metal", true, |r| {
         principled(|p| {
             p.roughness = r.into();
@@ -219,7 +253,8 @@ fn fibres_are_drawn_by_their_density() {
 
 #[test]
 fn no_kind_scatters_more_than_it_receives() {
-    for kind in KINDS.iter().chain(WALKS).chain(FIBRES).filter(|kind| !kind.0.starts_with("Disney")) {
+    let is_bounded = |kind: &&Kind| !kind.0.starts_with("Disney") && kind.0 != UNBOUNDED;
+    for kind in KINDS.iter().chain(WALKS).chain(FIBRES).filter(is_bounded) {
         for roughness in [0.0, 0.15, 0.4, 0.7, 1.0] {
             let bsdf = make(kind, roughness).with_mode(TransportMode::Importance);
             for (seed, cos) in [0.98, 0.6, 0.25, 0.05].into_iter().enumerate() {
@@ -260,6 +295,11 @@ fn white_things_lose_nothing() {
     // With 15 bounces the rest of the series is 0.6¹⁵; between facets of so small an α little is lost even at the horizon.
     check_white("coated matte", coated(even(GGX, 0.02), 0.0, 0.0, diffuse_base(WHITE)), true, 0.025);
     check_white("coated matte", coated(Facets::smooth(), 0.0, 0.0, diffuse_base(WHITE)), true, 0.005);
+    // Without a step of the index, a varnish is not there
+    for base in [mirror(Facets::smooth()), matte(WHITE, 0.5)] {
+        let none = Varnished { eta: 1.0, ..unvarnished(base) };
+        check_white("varnish of air", Surface::Varnished(Box::new(none)), true, 1e-3);
+    }
 }
 
 #[test]

@@ -1,20 +1,19 @@
 //! Bsdfs: surfaces with their backs, opacity and relief.
 
+use super::boundary::{eta, facets, ior};
 use super::context::ImportContext;
 use super::document::{Class, Object, ObjectId};
+use super::gloss::{phong, ward};
 use super::texture::{MitsubaTextures, TextureUse};
-use super::value::{Value, numbers};
+use super::value::numbers;
 use crate::color::{Spectrum, luminance};
 use crate::hair::{Hair, Pigment, Strand};
 use crate::import::text_place::{ImportResult, TextFault};
 use crate::material::{Back, Relief, ReliefRule, ReliefSource};
-use crate::param::ScalarParam;
-use crate::spectrum::named::{metal, mitsuba_ior};
+use crate::param::{ColorParam, ScalarParam};
+use crate::spectrum::named::metal;
 use crate::spectrum::role::ColorRole;
-use crate::surface::{
-    Conductor, Dielectric, Diffuse, Distribution, Facets, InnerReflection, Plastic, Principled, RoughnessScale,
-    Shadowing, Surface,
-};
+use crate::surface::{Conductor, Dielectric, Diffuse, InnerReflection, Plastic, Principled, Surface, Varnished};
 use crate::text::shortened;
 use crate::texture::Channel;
 
@@ -110,12 +109,7 @@ pub(super) fn bsdf(
             textures.is_blended = was_blended;
             blended?
         }
-        "coating" | "roughcoating" => {
-            let message = format!("the {} is left out; what it covers is kept", object.describe());
-            context.warn(object.at, message);
-            object.accept_all();
-            inner(context, textures, object)?
-        }
+        "coating" | "roughcoating" => coating(context, textures, object)?,
         _ => LoweredBsdf::one_sided(surface(context, textures, object)?),
     })
 }
@@ -198,15 +192,8 @@ fn surface(
         }
         "principled" | "principledthin" => Surface::Principled(Box::new(principled(context, textures, object)?)),
         "hair" => Surface::Hair(Box::new(hair(context, textures, object)?)),
-        "phong" | "ward" => {
-            let message = format!("the {} is not supported; its diffuse part replaces it", object.describe());
-            context.warn(object.at, message);
-            object.accept_all();
-            Surface::Diffuse(Diffuse {
-                reflectance: textures.color(context, object, "diffuse_reflectance", ColorRole::Reflectance, half)?,
-                roughness: 0.0.into(),
-            })
-        }
+        "phong" => Surface::Phong(phong(context, textures, object)?),
+        "ward" => Surface::Ward(ward(context, textures, object)?),
         _ => {
             let message = format!("the {} is not supported; gray diffuse replaces it", object.describe());
             context.warn(object.at, message);
@@ -274,12 +261,54 @@ fn mask(
     textures: &mut MitsubaTextures<'_>,
     object: &Object,
 ) -> ImportResult<LoweredBsdf> {
-    let inner = inner(context, textures, object)?;
-    let opacity = textures.scalar(context, object, "opacity", 0.5)?;
-    if inner.opacity.is_some() {
-        context.warn(object.at, "of two masks within one another, the outer one counts");
+    let mut inner = inner(context, textures, object)?;
+    let mut opacity = textures.scalar(context, object, "opacity", 0.5)?;
+    // A mask within a mask lets the product of both pass
+    match inner.opacity.take() {
+        Some(within) if opacity.texture.is_none() => {
+            opacity = ScalarParam { factor: opacity.factor * within.factor, ..within };
+        }
+        Some(within) if within.texture.is_none() => opacity.factor *= within.factor,
+        within => inner = LoweredBsdf { opacity: within, ..inner }.met_everywhere(),
     }
     Ok(LoweredBsdf { opacity: Some(opacity), ..inner })
+}
+
+/// Converts a coating of Mitsuba 0.6. Only the boundary of a `roughcoating` is rough: light reaches the base as through
+/// a smooth one.
+fn coating(
+    context: &mut ImportContext<'_>,
+    textures: &mut MitsubaTextures<'_>,
+    object: &Object,
+) -> ImportResult<LoweredBsdf> {
+    let inner = inner(context, textures, object)?;
+    let eta = eta(object, "bk7")?;
+    let facets = facets(context, textures, object, object.plugin == "roughcoating")?;
+    let mut absorption = textures.color(context, object, "sigma_a", ColorRole::Unbounded, Spectrum::ZERO)?;
+    absorption.factor *= object.float_at_least("thickness", 0.0, 1.0)? as f32;
+    let specular = textures.color(context, object, "specular_reflectance", ColorRole::Reflectance, Spectrum::ONE)?;
+    let over = |base, share: f32| Varnished {
+        eta,
+        facets: facets.clone(),
+        specular: ColorParam { factor: specular.factor * share, ..specular.clone() },
+        absorption: absorption.clone(),
+        base,
+    };
+    if inner.opacity.is_some() || inner.relief.is_some() {
+        context.warn(object.at, "a mask or a relief within a coating counts for the coating, too");
+    }
+    let back = match &inner.back {
+        Back::Same => Some(Back::Same),
+        // The coating itself has two sides
+        Back::Black | Back::Other(_) => inner.back_surface().varnished(&over).map(|back| Back::Other(Box::new(back))),
+    };
+    let Some((surface, back)) = inner.surface.clone().varnished(&over).zip(back) else {
+        let message =
+            format!("the {} is left out: it lies on another coating, or on a clear surface", object.describe());
+        context.warn(object.at, message);
+        return Ok(inner);
+    };
+    Ok(LoweredBsdf { surface, back, ..inner })
 }
 
 /// Returns the first nested texture, whatever its name.
@@ -476,53 +505,6 @@ fn hair(context: &mut ImportContext<'_>, textures: &mut MitsubaTextures<'_>, obj
         alpha: alpha as f32,
         strand: Strand::AlongV,
     })
-}
-
-/// Returns the index of refraction of the inside over the outside.
-fn eta(object: &Object, interior: &str) -> Result<f32, TextFault> {
-    let (inside, outside) = (ior(object, "int_ior", interior)?, ior(object, "ext_ior", "air")?);
-    Ok(inside / outside)
-}
-
-/// Returns an index of refraction, given by number or name.
-fn ior(object: &Object, name: &str, default: &str) -> Result<f32, TextFault> {
-    let by_name = |name: &str| mitsuba_ior(name).unwrap_or(1.5);
-    let Some(property) = object.property(name) else { return Ok(by_name(default)) };
-    match &property.value {
-        Value::Float(number) if (0.01..=100.0).contains(number) => Ok(*number as f32),
-        Value::Integer(number) if (1..=100).contains(number) => Ok(*number as f32),
-        Value::String(text) => mitsuba_ior(text)
-            .ok_or_else(|| property.at.fault(format!("the substance `{}` is unknown", shortened(text)))),
-        _ => Err(property.at.fault(format!("`{name}` is not an index of refraction"))),
-    }
-}
-
-fn facets(
-    context: &mut ImportContext<'_>,
-    textures: &mut MitsubaTextures<'_>,
-    object: &Object,
-    is_rough: bool,
-) -> ImportResult<Facets> {
-    if !is_rough {
-        return Ok(Facets::smooth());
-    }
-    let distribution = match object.string("distribution")? {
-        Some("ggx") => Distribution::Ggx,
-        None | Some("beckmann") => Distribution::Beckmann,
-        Some(other) => {
-            let message = format!("the distribution `{}` is not supported; Beckmann's replaces it", shortened(other));
-            context.warn(object.at, message);
-            Distribution::Beckmann
-        }
-    };
-    let alpha = textures.scalar(context, object, "alpha", 0.1)?;
-    let mut roughness = [alpha.clone(), alpha];
-    for (roughness, name) in roughness.iter_mut().zip(["alpha_u", "alpha_v"]) {
-        if object.has(name) {
-            *roughness = textures.scalar(context, object, name, 0.1)?;
-        }
-    }
-    Ok(Facets { distribution, roughness, scale: RoughnessScale::Alpha, shadowing: Shadowing::Separable })
 }
 
 fn principled(

@@ -70,6 +70,7 @@ impl MitsubaMaterials {
             emission_sides: Sides::Front,
             emission_profile: EmissionProfile::Diffuse,
             relief: lowered.relief,
+            displacement: None,
             interior: interior.filter(|_| is_boundary),
             exterior: exterior.filter(|_| is_boundary),
             see_through: false,

@@ -11,6 +11,7 @@
 //! half a million triangles.
 
 mod attribute;
+mod boundary;
 mod bsdf;
 mod color;
 mod context;
@@ -18,6 +19,7 @@ mod curve;
 mod document;
 mod emitter;
 mod fov;
+mod gloss;
 mod integrator;
 mod looks;
 mod material;

@@ -70,7 +70,7 @@ pub(super) const NEEDLESS: &[NeedlessParameters<Class>] = &[
     row(Class::Bsdf, &["roughdiffuse"], &["use_fast_approx"], Reason::Estimate),
     row(
         Class::Bsdf,
-        &["roughconductor", "roughdielectric", "roughplastic", "pplastic"],
+        &["roughconductor", "roughdielectric", "roughplastic", "pplastic", "roughcoating"],
         &["sample_visible"],
         Reason::Estimate,
     ),

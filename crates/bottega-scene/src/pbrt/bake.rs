@@ -6,11 +6,13 @@ use glam::{Affine2, DVec3, Vec2, Vec4};
 
 use super::context::Context;
 use super::mapping::PlacedMapping;
-use super::texture_tree::{PictureNode, TextureNode, constant};
+use super::ramp::RampNode;
+use super::texture_tree::{PictureNode, TextureNode, constant, only_ramp};
 use crate::error::SceneError;
 use crate::image::Image;
 use crate::import::text_place::TextPlace;
 use crate::texture::{ImageId, TextureMap, Wrap};
+use crate::values::VALUE_MAX;
 
 /// The longest side of a baked picture, in texels.
 const SIDE_MAX: f32 = 4096.0;
@@ -37,6 +39,8 @@ enum BakeLayout {
     Picture(PictureNode),
     /// A square of texture coordinates with that side.
     Square(f32),
+    /// A row of texels over the range of a ramp, with their number.
+    Ramp(RampNode, u32),
 }
 
 impl BakedTexture {
@@ -47,7 +51,13 @@ impl BakedTexture {
         change: Option<fn(DVec3) -> DVec3>,
         at: TextPlace,
     ) -> Self {
-        let layout = layout(&node);
+        let layout = match only_ramp(&node) {
+            None => layout(&node),
+            Some(ramp) => {
+                let texels = ramp.texels(&|at| changed(ramp_value(&node, at), change));
+                BakeLayout::Ramp(ramp, texels)
+            }
+        };
         Self { node, is_scalar, change, at, layout }
     }
 
@@ -60,12 +70,17 @@ impl BakedTexture {
             }
             BakeLayout::Picture(node) => node.mapping.picture_from_uv,
             BakeLayout::Square(edge) => Affine2::from_scale(Vec2::splat(1.0 / edge)),
+            BakeLayout::Ramp(ramp, texels) => ramp.picture_from_uv(*texels),
         }
     }
 
     /// Returns the wrap mode of the baked picture.
     pub(super) fn wrap(&self) -> Wrap {
-        if let BakeLayout::Picture(node) = &self.layout { node.wrap } else { Wrap::Repeat }
+        match &self.layout {
+            BakeLayout::Picture(node) => node.wrap,
+            BakeLayout::Ramp(..) => Wrap::Clamp,
+            BakeLayout::Cells(_) | BakeLayout::Square(_) => Wrap::Repeat,
+        }
     }
 
     /// Returns true if the texels of the baked picture are interpolated.
@@ -74,6 +89,7 @@ impl BakedTexture {
             BakeLayout::Cells(_) => false,
             BakeLayout::Picture(node) => node.smooth,
             BakeLayout::Square(_) => true,
+            BakeLayout::Ramp(ramp, _) => !ramp.is_step(),
         }
     }
 
@@ -100,6 +116,7 @@ impl BakedTexture {
                     [a, b].into_iter().for_each(|part| gather(part, sets));
                 }
                 TextureNode::Bilinear(mapping, _) => add(mapping),
+                TextureNode::Ramp(ramp) => add(&ramp.mapping),
             }
         }
         let mut sets = Vec::new();
@@ -113,6 +130,7 @@ impl BakedTexture {
     pub(super) fn image(&self, context: &Context<'_>, pictures: &[Image]) -> Result<Image, SceneError> {
         let (width, height) = match &self.layout {
             BakeLayout::Cells(_) => (2, 2),
+            BakeLayout::Ramp(_, texels) => (*texels, 1),
             BakeLayout::Picture(_) | BakeLayout::Square(_) => {
                 let edge = if let BakeLayout::Square(edge) = self.layout { Some(edge) } else { None };
                 let size =
@@ -135,13 +153,40 @@ impl BakedTexture {
                 BakeLayout::Square(edge) => {
                     value(&self.node, texel_center(x, y, width, height) * *edge, false, pictures)
                 }
+                BakeLayout::Ramp(ramp, _) => ramp_value(&self.node, ramp.at_texel(x, width)),
             };
-            let value = self.change.map_or(value, |change| change(value));
+            let value = changed(value, self.change);
             let value = if self.is_scalar { DVec3::splat(value.element_sum() / 3.0) } else { value };
             value.as_vec3().to_array()
         };
-        let texels = (0..width * height).map(texel).collect();
-        Ok(Image::from_linear_rgb(format!("texture of {}", context.place(self.at)), width, height, texels))
+        let texels: Vec<[f32; 3]> = (0..width * height).map(texel).collect();
+        let name = format!("texture of {}", context.place(self.at));
+        Ok(match &self.layout {
+            // Noise is negative half of the time: it is kept between the bounds of its ramp
+            BakeLayout::Ramp(..) => {
+                let sound = |value: f32| if value.is_nan() { 0.0 } else { value.clamp(-VALUE_MAX, VALUE_MAX) };
+                Image::from_numbers(name, width, height, texels.into_iter().map(|texel| texel.map(sound)).collect())
+            }
+            _ => Image::from_linear_rgb(name, width, height, texels),
+        })
+    }
+}
+
+fn changed(value: DVec3, change: Option<fn(DVec3) -> DVec3>) -> DVec3 {
+    change.map_or(value, |change| change(value))
+}
+
+/// Evaluates a tree of ramps with one variable.
+fn ramp_value(node: &TextureNode, at: f32) -> DVec3 {
+    match node {
+        TextureNode::Ramp(ramp) => ramp.value(at),
+        TextureNode::Constant(value) => *value,
+        TextureNode::Scale(a, b) => ramp_value(a, at) * ramp_value(b, at),
+        TextureNode::Mix(a, b, amount) => {
+            let (a, b) = (ramp_value(a, at), ramp_value(b, at));
+            a + (b - a) * ramp_value(amount, at)
+        }
+        TextureNode::Picture(_) | TextureNode::Checkerboard(..) | TextureNode::Bilinear(..) => DVec3::ZERO,
     }
 }
 
@@ -177,7 +222,7 @@ fn repeats_within(node: &TextureNode, edge: f32) -> bool {
         TextureNode::Mix(a, b, amount) => all(&[a, b, amount]),
         TextureNode::Checkerboard(mapping, a, b) => whole(mapping, 2.0) && all(&[a, b]),
         // Values continue to grow beyond the unit square.
-        TextureNode::Bilinear(..) => false,
+        TextureNode::Bilinear(..) | TextureNode::Ramp(_) => false,
     }
 }
 
@@ -191,7 +236,7 @@ fn gather<'a>(node: &'a TextureNode, leaves: &mut Vec<&'a PictureNode>) -> bool 
         }
         TextureNode::Scale(a, b) => gather(a, leaves) && gather(b, leaves),
         TextureNode::Mix(a, b, amount) => gather(a, leaves) && gather(b, leaves) && gather(amount, leaves),
-        TextureNode::Checkerboard(..) | TextureNode::Bilinear(..) => false,
+        TextureNode::Checkerboard(..) | TextureNode::Bilinear(..) | TextureNode::Ramp(_) => false,
     }
 }
 
@@ -216,7 +261,7 @@ fn size(node: &TextureNode, pictures: &[Image], of_square: bool) -> Vec2 {
             let cells = (scale(mapping) * CELL_TEXELS).ceil();
             cells.max(size(a, pictures, of_square)).max(size(b, pictures, of_square))
         }
-        TextureNode::Bilinear(..) => Vec2::splat(CELL_TEXELS),
+        TextureNode::Bilinear(..) | TextureNode::Ramp(_) => Vec2::splat(CELL_TEXELS),
     }
 }
 
@@ -243,6 +288,7 @@ fn value(node: &TextureNode, at: Vec2, on_picture: bool, pictures: &[Image]) -> 
             let (s, t) = (f64::from(st.x), f64::from(1.0 - st.y));
             (*v00 * (1.0 - s) + *v10 * s) * (1.0 - t) + (*v01 * (1.0 - s) + *v11 * s) * t
         }
+        TextureNode::Ramp(ramp) => DVec3::splat(ramp.mean),
     }
 }
 

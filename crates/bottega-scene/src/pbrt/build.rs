@@ -16,7 +16,8 @@ use super::shape::geometry::Geometry;
 use super::shape::sphere_mesh;
 use super::texture::PbrtTextures;
 use super::transform::{axes_and_scale, rounded};
-use super::world::{Alpha, PbrtWorld, PlacedShape};
+use super::world::{Alpha, PbrtWorld, PlacedShape, ShapeDisplacement};
+use crate::displacement::{Displacement, DisplacementSpace};
 use crate::emission::EmissionProfile;
 use crate::error::SceneError;
 use crate::hints::RenderHints;
@@ -44,6 +45,8 @@ struct SharedMaterialKey {
     media: [Option<MediumId>; 2],
     /// Name of the alpha texture, or bits of the number.
     alpha: Option<Result<String, u64>>,
+    /// Name of the displacement texture, and bits of the edge's length.
+    displacement: Option<(String, u64)>,
     /// `true`: for a sphere whose inside is its front.
     inside_out: bool,
 }
@@ -330,6 +333,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
                 Alpha::Constant(alpha) => Err(alpha.to_bits()),
                 Alpha::Texture(name, _) => Ok(name.to_string()),
             }),
+            displacement: shape.displacement.as_ref().map(|it| (it.texture.to_string(), it.edge.to_bits())),
             inside_out,
         };
         if let Some(&material) = self.material_of.get(&key) {
@@ -339,6 +343,14 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
             None => 1.0.into(),
             Some(Alpha::Constant(alpha)) => (alpha.clamp(0.0, 1.0) as f32).into(),
             Some(Alpha::Texture(name, at)) => self.textures.named_scalar(self.context, name, *at)?,
+        };
+        let displacement = match &shape.displacement {
+            None => None,
+            Some(ShapeDisplacement { texture, at, edge }) => Some(Displacement {
+                space: DisplacementSpace::World,
+                edge: Some(*edge as f32),
+                ..Displacement::heights(self.textures.named_scalar(self.context, texture, *at)?)
+            }),
         };
         let is_opaque = opacity.texture.is_none() && opacity.factor >= 1.0;
         let is_nowhere = opacity.texture.is_none() && opacity.factor <= 0.0;
@@ -369,6 +381,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
             emission_sides,
             emission_profile: EmissionProfile::Diffuse,
             relief: look.relief,
+            displacement,
             interior: media[0],
             exterior: media[1],
             see_through: false,

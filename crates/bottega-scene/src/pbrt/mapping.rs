@@ -53,22 +53,77 @@ impl Mappings {
         self.in_space(context, texture, MappingKind::Cells)
     }
 
+    /// Returns the mapping of a texture that is a function of the position, scaled by `scale`.
+    pub(super) fn of_position(
+        &mut self,
+        context: &mut Context<'_>,
+        texture: &Entity,
+        kind: MappingKind,
+        scale: f64,
+    ) -> ImportResult<PlacedMapping> {
+        let texture_from_world = texture_from_world(texture)?;
+        self.placed(context, texture, kind, DAffine3::from_scale(DVec3::splat(scale)) * texture_from_world, Vec2::ZERO)
+    }
+
+    /// Returns the mapping of the angle between the surface's normal and a direction of the texture's space.
+    pub(super) fn of_direction(
+        &mut self,
+        context: &mut Context<'_>,
+        texture: &Entity,
+        direction: DVec3,
+    ) -> ImportResult<PlacedMapping> {
+        let direction = texture.ctm.transform_vector3(direction).normalize_or_zero();
+        let cosine = DAffine3::from_mat3(DMat3::from_cols(DVec3::ZERO, DVec3::ZERO, direction).transpose());
+        self.placed(context, texture, MappingKind::Facing, cosine, Vec2::ZERO)
+    }
+
+    /// Returns the mapping of dots; `None`: they lie on a sphere or a cylinder.
+    pub(super) fn of_dots(
+        &mut self,
+        context: &mut Context<'_>,
+        texture: &Entity,
+    ) -> ImportResult<Option<PlacedMapping>> {
+        let params = &texture.params;
+        let (on_surface, dots) = match params.text("mapping")?.unwrap_or("uv") {
+            "planar" => {
+                let (mapping, delta) = planar(params, texture_from_world(texture)?)?;
+                // t = 1 − v of the picture, so its offset is the opposite
+                (false, DAffine3::from_translation(DVec3::new(f64::from(delta.x), f64::from(-delta.y), 0.0)) * mapping)
+            }
+            "uv" => {
+                let Affine2 { matrix2, translation } = on_surface(params)?.picture_from_uv;
+                let upwards = |v: Vec2| DVec3::new(f64::from(v.x), f64::from(-v.y), 0.0);
+                let linear = DMat3::from_cols(upwards(matrix2.x_axis), upwards(matrix2.y_axis), DVec3::Z);
+                (true, DAffine3::from_mat3_translation(linear, upwards(translation) + DVec3::Y))
+            }
+            _ => return Ok(None),
+        };
+        self.placed(context, texture, MappingKind::Dots { on_surface }, dots, Vec2::ZERO).map(Some)
+    }
+
     fn in_space(
         &mut self,
         context: &mut Context<'_>,
         texture: &Entity,
         space: MappingKind,
     ) -> ImportResult<PlacedMapping> {
-        let params = &texture.params;
-        let texture_from_world = texture.ctm.inverse();
-        let place = params.place_of("mapping");
-        if !texture_from_world.is_finite() {
-            return Err(place.fault("the transformation in force at this texture is singular").into());
-        }
+        let texture_from_world = texture_from_world(texture)?;
         let (mapping, delta) = match space {
-            MappingKind::Planar => planar(params, texture_from_world)?,
-            MappingKind::Spherical | MappingKind::Cylindrical | MappingKind::Cells => (texture_from_world, Vec2::ZERO),
+            MappingKind::Planar => planar(&texture.params, texture_from_world)?,
+            _ => (texture_from_world, Vec2::ZERO),
         };
+        self.placed(context, texture, space, mapping, delta)
+    }
+
+    fn placed(
+        &mut self,
+        context: &mut Context<'_>,
+        texture: &Entity,
+        kind: MappingKind,
+        mapping: DAffine3,
+        delta: Vec2,
+    ) -> ImportResult<PlacedMapping> {
+        let place = texture.params.place_of("mapping");
         let mapping_from_world = Affine3A {
             matrix3: Mat3A::from(mapping.matrix3.as_mat3()),
             translation: Vec3A::from(mapping.translation.as_vec3()),
@@ -77,7 +132,7 @@ impl Mappings {
             return Err(place.fault("the mapping exceeds all bounds").into());
         }
         let picture_from_uv = Affine2::from_translation(delta);
-        match self.set_of(Mapping { kind: space, mapping_from_world }) {
+        match self.set_of(Mapping { kind, mapping_from_world }) {
             Some(uv_set) => Ok(PlacedMapping { uv_set, picture_from_uv }),
             None => {
                 let message = "there are too many mappings: here the surface's own coordinates replace it";
@@ -109,6 +164,15 @@ impl Mappings {
         }
         set
     }
+}
+
+fn texture_from_world(texture: &Entity) -> ImportResult<DAffine3> {
+    let texture_from_world = texture.ctm.inverse();
+    if texture_from_world.is_finite() {
+        return Ok(texture_from_world);
+    }
+    let place = texture.params.place_of("mapping");
+    Err(place.fault("the transformation in force at this texture is singular").into())
 }
 
 fn on_surface(params: &Params) -> ImportResult<PlacedMapping> {

@@ -3,8 +3,7 @@
 //! Uses its own parser: the crates for the format panic on several directives, and give no error locations.
 //!
 //! Supported: all directives; triangle, bilinear and subdivision meshes, `plymesh` (also compressed), spheres, disks,
-//! cylinders and curves; all materials but `measured`; image, constant,
-//! scale, mix, checkerboard and bilerp textures; all lights, also through portals; homogeneous media; all cameras,
+//! cylinders and curves; all materials but `measured`; all textures but `ptex`; all lights, also through portals; homogeneous media; all cameras,
 //! `realistic` with a round stop. Anything else is reported with file, line and column, and replaced or left out, or an error
 //! with [`LoadOptions::strict`](crate::LoadOptions::strict).
 //!
@@ -33,6 +32,7 @@ mod needless;
 mod params;
 mod parser;
 mod place;
+mod ramp;
 mod shape;
 mod texture;
 mod texture_tree;

@@ -9,7 +9,9 @@ use super::context::Context;
 use super::needless::Directive;
 use super::params::Params;
 use super::token::{Token, Tokens};
-use super::world::{Alpha, Entity, GraphicsState, MaterialRef, MediumInterface, ObjectInstance, PbrtWorld, Target};
+use super::world::{
+    Alpha, Entity, GraphicsState, MaterialRef, MediumInterface, ObjectInstance, PbrtWorld, ShapeDisplacement, Target,
+};
 use super::{dialect, shape};
 use crate::import::text_place::{ImportResult, TextFault, TextPlace};
 use crate::mesh_file::unfolded;
@@ -305,6 +307,7 @@ impl<'c, 'a> Parser<'c, 'a> {
             Some((name, at)) => Some(Alpha::Texture(name.into(), at)),
             None => params.float("alpha")?.map(Alpha::Constant),
         };
+        let displacement = if entity.kind == "plymesh" { displacement(params)? } else { None };
         let shines = self.state.area_light.is_some() && self.object.is_none();
         let geometry = shape::read(self.context, &entity, shines)?;
         self.context.report_unused(Directive::Shape, &entity.kind, params);
@@ -324,6 +327,7 @@ impl<'c, 'a> Parser<'c, 'a> {
             area_light,
             media: self.state.media.clone(),
             alpha,
+            displacement,
         };
         let object = self.object.as_ref().and_then(|name| self.world.objects.get_mut(name));
         match object {
@@ -470,4 +474,14 @@ pub(super) fn text(tokens: &mut Tokens<'_>, at: TextPlace, word: &str) -> Result
         Some((_, at)) => Err(at.fault(format!("{word} is followed by a name in quotes"))),
         None => Err(ended(at, word)),
     }
+}
+
+/// Returns the displacement of a mesh file; `None`: it has none.
+fn displacement(params: &Params) -> ImportResult<Option<ShapeDisplacement>> {
+    let Some((texture, at)) = params.texture("displacement")? else { return Ok(None) };
+    let edge = params.float("edgelength")?.unwrap_or(1.0);
+    if !(edge > 0.0 && edge.is_finite()) {
+        return Err(params.place_of("edgelength").fault("the length of an edge is above 0").into());
+    }
+    Ok(Some(ShapeDisplacement { texture: texture.into(), at, edge }))
 }

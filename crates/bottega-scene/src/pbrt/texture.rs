@@ -11,7 +11,8 @@ use super::context::Context;
 use super::mapping::{Mappings, within_frame};
 use super::needless::Directive;
 use super::params::Params;
-use super::texture_tree::{PictureNode, TextureNode, constant, parts};
+use super::ramp::{RampKind, RampNode};
+use super::texture_tree::{PictureNode, TextureNode, constant, only_ramp, parts, without_ramps};
 use super::world::{Entity, PbrtWorld};
 use crate::color::Spectrum;
 use crate::error::SceneError;
@@ -20,6 +21,7 @@ use crate::image::pictures::{FramedTexture, PictureKind, PictureUse, Pictures};
 use crate::image::pyramid::Encoding;
 use crate::import::projector::projection_image;
 use crate::import::text_place::{ImportResult, TextPlace};
+use crate::noise::{Noise, OCTAVES_MAX, Octaves};
 use crate::param::{ColorParam, ScalarParam};
 use crate::spectrum::color_space::ColorSpace;
 use crate::spectrum::role::ColorRole;
@@ -28,6 +30,16 @@ use crate::texture::{Channel, ImageId, Mapping, MappingKind, TextureMap, Wrap};
 
 /// Trees with more nodes are replaced.
 const PARTS_MAX: usize = 64;
+
+/// Share of the plane within dots: of radius 0.35, in half of the cells.
+const DOTS_MEAN: f64 = 0.19;
+
+/// Returns the octaves of noise.
+fn octaves(params: &Params) -> ImportResult<Octaves> {
+    let count = params.integer("octaves")?.unwrap_or(8).clamp(0, i64::from(OCTAVES_MAX)) as u32;
+    let roughness = params.float("roughness")?.unwrap_or(0.5) as f32;
+    Ok(Octaves { count, roughness })
+}
 
 /// The source of an image of the scene.
 enum Slot {
@@ -257,6 +269,17 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
         change: Option<fn(DVec3) -> DVec3>,
         at: TextPlace,
     ) -> ImportResult<(DVec3, Option<TextureMap>)> {
+        // A picture and a function of the position have no common coordinates
+        let flat = if only_ramp(node).is_some() { None } else { without_ramps(node) };
+        if let Some(flat) = flat {
+            let message =
+                "noise, dots or slopes within this texture are joined with other textures; their mean replaces them";
+            context.unsupported(at, message);
+            return match constant(&flat) {
+                Some(value) => Ok((change.map_or(value, |change| change(value)), None)),
+                None => self.bake(context, &flat, is_scalar, change, at),
+            };
+        }
         let bake = BakedTexture::new(node.clone(), is_scalar, change, at);
         let sets = bake.uv_sets();
         if sets.len() > 1 {
@@ -337,9 +360,10 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
             "directionmix" => {
                 let first = self.part(context, params, "tex1", 0.0, is_float)?;
                 let second = self.part(context, params, "tex2", 1.0, is_float)?;
-                params.mark_reported(&["dir"]);
-                context.unsupported(at, "the texture \"directionmix\" is the same from all directions");
-                TextureNode::Mix(first, second, Rc::new(TextureNode::Constant(DVec3::splat(0.5))))
+                let direction = params.point3("dir", "vector3")?.unwrap_or(DVec3::Y);
+                let mapping = self.mappings.of_direction(context, entity, direction)?;
+                let amount = RampNode { mapping, kind: RampKind::Line, range: [0.0, 1.0], mean: 0.5 };
+                TextureNode::Mix(second, first, Rc::new(TextureNode::Ramp(amount)))
             }
             "checkerboard" => {
                 let first = self.part(context, params, "tex1", 1.0, is_float)?;
@@ -366,32 +390,26 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
             "dots" => {
                 let inside = self.part(context, params, "inside", 1.0, is_float)?;
                 let outside = self.part(context, params, "outside", 0.0, is_float)?;
-                self.mappings.of_texture(context, entity)?;
-                context.unsupported(
-                    at,
-                    "the texture \"dots\" is replaced by the mean of what is inside and outside of them",
-                );
-                // A dot of radius 0.35 in half of the cells.
-                TextureNode::Mix(outside, inside, Rc::new(TextureNode::Constant(DVec3::splat(0.19))))
-            }
-            kind => {
-                params.mark_reported(&[
-                    "octaves",
-                    "roughness",
-                    "scale",
-                    "variation",
-                    "filename",
-                    "encoding",
-                    "dimension",
-                ]);
-                let (mean, what) = match kind {
-                    // Mean values of pbrt's noise.
-                    "fbm" => (0.0, "0"),
-                    "wrinkled" | "windy" => (0.5, "0.5"),
-                    _ => (0.5, "gray"),
+                let amount = match self.mappings.of_dots(context, entity)? {
+                    Some(mapping) => {
+                        let (kind, range) = (RampKind::Step, [0.0, 1.0]);
+                        TextureNode::Ramp(RampNode { mapping, kind, range, mean: DOTS_MEAN })
+                    }
+                    None => {
+                        let message = "dots on a sphere or a cylinder are replaced by the mean of inside and outside";
+                        context.unsupported(at, message);
+                        TextureNode::Constant(DVec3::splat(DOTS_MEAN))
+                    }
                 };
-                context.unsupported(at, format!("the texture \"{}\" is replaced by {what}", shortened(kind)));
-                TextureNode::Constant(DVec3::splat(mean))
+                TextureNode::Mix(outside, inside, Rc::new(amount))
+            }
+            // pbrt-v4 has these as numbers alone, pbrt-v3 also as colors
+            "fbm" | "wrinkled" | "windy" => TextureNode::Ramp(self.noise_node(context, entity)?),
+            "marble" if !is_float => TextureNode::Ramp(self.marble_node(context, entity)?),
+            kind => {
+                params.mark_reported(&["octaves", "roughness", "scale", "variation", "filename", "encoding"]);
+                context.unsupported(at, format!("the texture \"{}\" is replaced by gray", shortened(kind)));
+                TextureNode::Constant(DVec3::splat(0.5))
             }
         })
     }
@@ -423,6 +441,26 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
     ) -> ImportResult<DVec3> {
         let color = context.color(params, name)?.unwrap_or(Color::Rgb(DVec3::splat(default), ColorSpace::Srgb));
         Ok(color.to_rec709(ColorRole::Reflectance).as_dvec3())
+    }
+
+    fn noise_node(&mut self, context: &mut Context<'_>, entity: &Entity) -> ImportResult<RampNode> {
+        let noise = match entity.kind.as_str() {
+            "fbm" => Noise::Fbm(octaves(&entity.params)?),
+            "wrinkled" => Noise::Turbulence(octaves(&entity.params)?),
+            _ => Noise::Waves,
+        };
+        let mapping = self.mappings.of_position(context, entity, MappingKind::Noise(noise), 1.0)?;
+        let mean = if let Noise::Turbulence(_) = noise { 0.5 } else { 0.0 };
+        Ok(RampNode { mapping, kind: RampKind::Line, range: noise.range(), mean })
+    }
+
+    fn marble_node(&mut self, context: &mut Context<'_>, entity: &Entity) -> ImportResult<RampNode> {
+        let params = &entity.params;
+        let variation = params.float("variation")?.unwrap_or(0.2) as f32;
+        let veins = MappingKind::Veins { octaves: octaves(params)?, variation };
+        let scale = params.float("scale")?.unwrap_or(1.0);
+        let mapping = self.mappings.of_position(context, entity, veins, scale)?;
+        Ok(RampNode { mapping, kind: RampKind::Marble, range: [0.0, 1.0], mean: 0.8 })
     }
 
     fn picture_node(

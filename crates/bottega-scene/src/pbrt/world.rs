@@ -50,6 +50,17 @@ pub(super) struct PlacedShape {
     pub(super) media: MediumInterface,
     /// Opacity; `None`: opaque.
     pub(super) alpha: Option<Alpha>,
+    pub(super) displacement: Option<ShapeDisplacement>,
+}
+
+/// The displacement of a mesh by a texture.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct ShapeDisplacement {
+    /// Name of the texture.
+    pub(super) texture: Rc<str>,
+    pub(super) at: TextPlace,
+    /// Longest edge after refinement, in world space.
+    pub(super) edge: f64,
 }
 
 /// The opacity of a shape: a constant or a texture.

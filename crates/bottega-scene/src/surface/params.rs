@@ -37,6 +37,19 @@ impl Surface {
                     CoatedBase::Conductor(conductor) => conductor.add_params(colors, scalars),
                 }
             }
+            Self::Varnished(varnished) => {
+                colors.extend([&varnished.specular, &varnished.absorption]);
+                scalars.extend(&varnished.facets.roughness);
+                varnished.base.add_params(colors, scalars);
+            }
+            Self::Phong(phong) => {
+                colors.extend([&phong.diffuse, &phong.specular]);
+                scalars.push(&phong.exponent);
+            }
+            Self::Ward(ward) => {
+                colors.extend([&ward.diffuse, &ward.specular]);
+                scalars.extend(&ward.roughness);
+            }
             Self::Principled(p) => {
                 colors.push(&p.base_color);
                 scalars.extend([&p.roughness, &p.anisotropic, &p.metallic, &p.spec_trans, &p.spec_tint, &p.sheen]);
@@ -71,6 +84,11 @@ impl Surface {
             Self::Dielectric(dielectric) => vec![dielectric.eta],
             Self::Plastic(plastic) => vec![plastic.eta],
             Self::Coated(coated) => vec![coated.eta],
+            Self::Varnished(varnished) => {
+                let mut indices = varnished.base.indices_of_refraction();
+                indices.push(varnished.eta);
+                indices
+            }
             Self::Principled(principled) => vec![principled.eta],
             Self::Hair(hair) => vec![hair.eta],
             Self::Layered(layered) => {

@@ -10,6 +10,7 @@ use openusd::usd::Prim;
 use super::source::StageSource;
 use super::texture::{SourceSpace, StandIn, TexelChange, Textures, WantedTexture};
 use super::values;
+use crate::displacement::{Displacement, DisplacementSpace};
 use crate::error::SceneError;
 use crate::image::Image;
 use crate::material::{AlphaMode, Material, Relief};
@@ -59,6 +60,18 @@ struct TextureInput {
     channel: Option<Channel>,
     /// Factor of the texture, RGBA.
     scale: [f32; 4],
+    /// Sum that follows the factor, RGBA.
+    bias: [f32; 4],
+}
+
+/// The use of a texture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum TextureRole {
+    /// A color or a share: not negative.
+    Color,
+    Normal,
+    /// A number of any sign.
+    Number,
 }
 
 impl<'s, 'a> Materials<'s, 'a> {
@@ -145,12 +158,9 @@ impl<'s, 'a> Materials<'s, 'a> {
         let id = shader.as_ref().and_then(|shader| source.text(shader, "info:id", self.time));
         match (shader, id.as_deref()) {
             (Some(shader), Some("UsdPreviewSurface" | "ND_UsdPreviewSurface_surfaceshader")) => {
-                if self.follow(prim, "outputs:displacement", DEPTH_MAX).is_some()
-                    && self.is_used(&shader, "inputs:displacement")
-                {
-                    source.unsupported(path, "displacement is left out");
-                }
-                Some(PreviewSurface { materials: self, shader, look: Look::default() }.convert(path))
+                let is_displaced = self.follow(prim, "outputs:displacement", DEPTH_MAX).is_some()
+                    && self.is_used(&shader, "inputs:displacement");
+                Some(PreviewSurface { materials: self, shader, look: Look::default() }.convert(path, is_displaced))
             }
             (_, id) => {
                 let what = match id {
@@ -218,7 +228,7 @@ impl<'s, 'a> Materials<'s, 'a> {
     }
 
     /// Reads a UsdUVTexture; `None`: it names no file.
-    fn texture(&mut self, shader: &Prim, output: &str, look: &mut Look, is_normal: bool) -> Option<TextureInput> {
+    fn texture(&mut self, shader: &Prim, output: &str, look: &mut Look, role: TextureRole) -> Option<TextureInput> {
         let source = self.source;
         let place = shader.path().as_str().to_owned();
         let file = match self.follow(shader, "inputs:file", DEPTH_MAX) {
@@ -241,10 +251,11 @@ impl<'s, 'a> Materials<'s, 'a> {
         };
         let fallback = self.four(shader, "inputs:fallback", [0.0, 0.0, 0.0, 1.0]);
         let [r, g, b, _] = fallback.map(|value| if value >= 0.0 { value.to_bits() } else { 0 });
+        let is_normal = role == TextureRole::Normal;
         let stand_in = if is_normal { StandIn::Flat } else { StandIn::Color([r, g, b]) };
         let mut wanted = WantedTexture::new(&file, space, stand_in);
         let mut scale = self.four(shader, "inputs:scale", [1.0; 4]);
-        let bias = self.four(shader, "inputs:bias", [0.0; 4]);
+        let mut bias = self.four(shader, "inputs:bias", [0.0; 4]);
         if is_normal {
             // Normal maps hold half the normal plus a half, as glTF's do; files that lack scale and bias mean the same
             let is_usual = scale[..3] == [2.0; 3] && bias[..3] == [-1.0; 3] || scale == [1.0; 4] && bias == [0.0; 4];
@@ -252,9 +263,10 @@ impl<'s, 'a> Materials<'s, 'a> {
                 wanted.change = Some(TexelChange::new(scale, bias, true));
             }
             scale = [1.0; 4];
-        } else if bias != [0.0; 4] || scale.iter().any(|factor| *factor < 0.0) {
+            bias = [0.0; 4];
+        } else if role == TextureRole::Color && (bias != [0.0; 4] || scale.iter().any(|factor| *factor < 0.0)) {
             wanted.change = Some(TexelChange::new(scale, bias, false));
-            scale = [1.0; 4];
+            (scale, bias) = ([1.0; 4], [0.0; 4]);
         }
         let image = self.textures.want(wanted, &place);
         let (uv_set, picture_from_uv) = self.coordinates(shader, look);
@@ -277,7 +289,7 @@ impl<'s, 'a> Materials<'s, 'a> {
         };
         let (wrap_u, wrap_v) = (wrap("inputs:wrapS"), wrap("inputs:wrapT"));
         let map = TextureMap { image, uv_set, picture_from_uv, wrap_u, wrap_v, smooth: true };
-        Some(TextureInput { map, channel, scale })
+        Some(TextureInput { map, channel, scale, bias })
     }
 
     /// Returns the set and transformation of a texture's coordinates, for v that points down.
@@ -344,7 +356,7 @@ struct PreviewSurface<'m, 's, 'a> {
 }
 
 impl PreviewSurface<'_, '_, '_> {
-    fn convert(mut self, name: &str) -> Look {
+    fn convert(mut self, name: &str, is_displaced: bool) -> Look {
         let is_specular = self.number("inputs:useSpecularWorkflow", 0.0, 0.0, 1.0) != 0.0;
         let mut layered = Layered {
             base_color: self.color("inputs:diffuseColor", DVec3::splat(0.18), 1.0),
@@ -372,12 +384,14 @@ impl PreviewSurface<'_, '_, '_> {
         };
         let emission = self.color("inputs:emissiveColor", DVec3::ZERO, FACTOR_MAX.into());
         let relief = self.normal();
+        let displacement = if is_displaced { self.displacement() } else { None };
         let material = Material {
             name: name.rsplit('/').next().unwrap_or_default().to_owned(),
             opacity,
             alpha_mode,
             emission,
             relief,
+            displacement,
             ..Material::from(layered)
         };
         self.look.material = self.materials.push(material);
@@ -425,7 +439,7 @@ impl PreviewSurface<'_, '_, '_> {
         };
         match self.materials.id(&shader).as_str() {
             "UsdUVTexture" => {
-                let Some(texture) = self.materials.texture(&shader, &output, &mut self.look, false) else {
+                let Some(texture) = self.materials.texture(&shader, &output, &mut self.look, TextureRole::Color) else {
                     let [r, g, b, _] = self.materials.four(&shader, "inputs:fallback", [0.0, 0.0, 0.0, 1.0]);
                     return sound(Vec3::new(r, g, b).as_dvec3()).into();
                 };
@@ -455,7 +469,7 @@ impl PreviewSurface<'_, '_, '_> {
         let Some((shader, output)) = self.connected(name) else { return self.number(name, usual, 0.0, 1.0).into() };
         match self.materials.id(&shader).as_str() {
             "UsdUVTexture" => {
-                let Some(texture) = self.materials.texture(&shader, &output, &mut self.look, false) else {
+                let Some(texture) = self.materials.texture(&shader, &output, &mut self.look, TextureRole::Color) else {
                     let [value, ..] = self.materials.four(&shader, "inputs:fallback", [0.0, 0.0, 0.0, 1.0]);
                     return value.clamp(0.0, 1.0).into();
                 };
@@ -476,13 +490,35 @@ impl PreviewSurface<'_, '_, '_> {
         }
     }
 
+    /// Returns the displacement along the normal, in scene units.
+    fn displacement(&mut self) -> Option<Displacement> {
+        let name = "inputs:displacement";
+        let Some((shader, output)) = self.connected(name) else {
+            let height = self.materials.value(&self.shader, name).and_then(|value| values::number(&value))?;
+            let flat = Displacement::heights(1.0.into());
+            return Some(Displacement { scale: 0.0, bias: height as f32, space: DisplacementSpace::World, ..flat });
+        };
+        let texture = match self.materials.id(&shader).as_str() {
+            "UsdUVTexture" => self.materials.texture(&shader, &output, &mut self.look, TextureRole::Number)?,
+            other => {
+                let message = format!("displacement by `{}` is left out", shortened(other));
+                self.materials.source.unsupported(&self.place(name), message);
+                return None;
+            }
+        };
+        let channel = texture.channel.unwrap_or(Channel::R);
+        let (scale, bias) = (texture.scale[channel as usize], texture.bias[channel as usize]);
+        let height = ScalarParam { factor: 1.0, texture: Some((texture.map, channel)) };
+        Some(Displacement { scale, bias, space: DisplacementSpace::World, ..Displacement::heights(height) })
+    }
+
     fn normal(&mut self) -> Option<Relief> {
         let (shader, output) = self.connected("inputs:normal")?;
         if self.materials.id(&shader) != "UsdUVTexture" {
             self.materials.source.unsupported(&self.place("inputs:normal"), "is not a texture; it is left out");
             return None;
         }
-        let texture = self.materials.texture(&shader, &output, &mut self.look, true)?;
+        let texture = self.materials.texture(&shader, &output, &mut self.look, TextureRole::Normal)?;
         Some(Relief::normals(texture.map, 1.0))
     }
 }

@@ -1,8 +1,8 @@
 //! Import of Mitsuba's materials.
 
 use bottega_scene::{
-    AlphaMode, Back, Distribution, Facets, Hair, InnerReflection, Material, Pigment, ReliefRule, ReliefSource,
-    Shadowing, Strand, Surface, Wrap,
+    AlphaMode, Back, Distribution, Facets, Hair, InnerReflection, Material, Phong, Pigment, ReliefRule, ReliefSource,
+    Shadowing, Strand, Surface, Ward, WardVariant, Wrap,
 };
 use glam::{Vec2, Vec3};
 
@@ -10,6 +10,12 @@ use crate::mitsuba::support::{Folder, bare, read, read_old, silent, warnings};
 
 fn material(bsdf: &str) -> Material {
     let loaded = silent(&format!("<shape type='rectangle'>{bsdf}</shape>"));
+    loaded.scene.materials[0].clone()
+}
+
+fn old_material(bsdf: &str) -> Material {
+    let loaded = read_old(&format!("<shape type='rectangle'>{bsdf}</shape>"));
+    assert_eq!(warnings(&loaded), Vec::<String>::new(), "{bsdf}");
     loaded.scene.materials[0].clone()
 }
 
@@ -74,6 +80,57 @@ fn hair_absorbs_by_its_pigments_or_its_coefficient() {
         let error = Folder::new().scene(&scene).load(&bare()).unwrap_err().to_string();
         assert!(error.contains(reason), "{inner}: {error}");
     }
+}
+
+#[test]
+fn highlights_of_phong_and_ward_are_read() {
+    let Surface::Phong(phong) = old_material("<bsdf type='phong'/>").surface else { panic!() };
+    let (diffuse, specular) = (Vec3::splat(0.5).into(), Vec3::splat(0.2).into());
+    assert_eq!(phong, Phong { diffuse, specular, exponent: 30.0.into() });
+    let ward = "<bsdf type='ward'><string name='variant' value='ward-duer'/><float name='alphaU' value='0.2'/>
+        <rgb name='specularReflectance' value='0.1, 0.2, 0.3'/></bsdf>";
+    let Surface::Ward(ward) = old_material(ward).surface else { panic!() };
+    let (diffuse, specular) = (Vec3::splat(0.5).into(), Vec3::new(0.1, 0.2, 0.3).into());
+    assert_eq!(ward, Ward { diffuse, specular, roughness: [0.2.into(), 0.1.into()], variant: WardVariant::Duer });
+}
+
+#[test]
+fn coatings_lie_on_each_part_of_what_they_cover() {
+    let coating = "<bsdf type='coating'><rgb name='sigmaA' value='0.1, 0.2, 0.4'/><float name='thickness' value='2'/>
+        <bsdf type='roughconductor'/></bsdf>";
+    let coated = old_material(coating);
+    let Surface::Varnished(varnished) = &coated.surface else { panic!("{coated:?}") };
+    assert!((varnished.eta - 1.504_183_3).abs() < 1e-6, "{}", varnished.eta);
+    assert_eq!(varnished.absorption.factor, Vec3::new(0.2, 0.4, 0.8));
+    assert!(varnished.facets.is_smooth() && matches!(varnished.base, Surface::Conductor(_)));
+    // From behind only the coating reflects
+    let Back::Other(back) = &coated.back else { panic!("{:?}", coated.back) };
+    assert!(matches!(&**back, Surface::Varnished(back) if back.base == Surface::matte(Vec3::ZERO)));
+    let blend = "<bsdf type='twosided'><bsdf type='roughcoating'><float name='alpha' value='0.3'/>
+        <bsdf type='blendbsdf'><float name='weight' value='0.25'/><bsdf type='diffuse'/><bsdf type='phong'/></bsdf>
+        </bsdf></bsdf>";
+    let blended = old_material(blend);
+    assert_eq!(blended.back, Back::Same);
+    let Surface::Blend { weight, surfaces } = blended.surface else { panic!() };
+    assert_eq!(weight.factor, 0.25);
+    for part in surfaces.iter() {
+        let Surface::Varnished(varnished) = part else { panic!("{part:?}") };
+        assert_eq!(varnished.facets.roughness[0].factor, 0.3);
+    }
+    let glass = "<shape type='rectangle'><bsdf type='coating'><bsdf type='dielectric'/></bsdf></shape>";
+    let loaded = read_old(glass);
+    assert!(matches!(loaded.scene.materials[0].surface, Surface::Dielectric(_)));
+    let warnings = warnings(&loaded);
+    assert!(warnings.iter().any(|warning| warning.contains("left out: it lies on another coating")), "{warnings:?}");
+}
+
+#[test]
+fn a_mask_within_a_mask_counts() {
+    let masks = "<bsdf type='mask'><float name='opacity' value='0.5'/><bsdf type='mask'>
+        <float name='opacity' value='0.6'/><bsdf type='diffuse'/></bsdf></bsdf>";
+    let masked = material(masks);
+    assert!((masked.opacity.factor - 0.3).abs() < 1e-6 && masked.alpha_mode == AlphaMode::Blend, "{masked:?}");
+    assert!(matches!(masked.surface, Surface::Diffuse(_)));
 }
 
 #[test]

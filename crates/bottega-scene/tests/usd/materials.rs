@@ -1,6 +1,6 @@
 //! UsdPreviewSurface, its textures, and bindings.
 
-use bottega_scene::{AlphaMode, Channel, Material, ReliefSource, Scene, Wrap};
+use bottega_scene::{AlphaMode, Channel, DisplacementSource, DisplacementSpace, Material, ReliefSource, Scene, Wrap};
 use glam::{Vec2, Vec3};
 
 use super::support::{Folder, TRIANGLE, clean, warnings, warns};
@@ -39,6 +39,41 @@ fn a_preview_surface_has_its_parameters() {
     assert_eq!((clear.alpha_mode, clear.opacity.factor), (AlphaMode::Blend, 0.25));
     let cut = bound("float inputs:opacity = 0.25\nfloat inputs:opacityThreshold = 0.4");
     assert_eq!(cut.alpha_mode, AlphaMode::Mask { cutoff: 0.4 });
+}
+
+#[test]
+fn a_displacement_has_the_texture_with_scale_and_bias() {
+    let surface = shader(
+        "s",
+        "UsdPreviewSurface",
+        "float inputs:displacement.connect = </M/d.outputs:r>\ntoken outputs:surface\ntoken outputs:displacement",
+    );
+    let texture = shader(
+        "d",
+        "UsdUVTexture",
+        "asset inputs:file = @./maps/two.png@\ntoken inputs:sourceColorSpace = \"raw\"\nfloat4 inputs:scale = (0.2, 1, 1, 1)\n\
+         float4 inputs:bias = (-0.1, 0, 0, 0)\nfloat outputs:r",
+    );
+    let stage = |outputs: &str| {
+        format!(
+            "def Material \"M\" {{ token outputs:surface.connect = </M/s.outputs:surface>\n{outputs}\n{texture}{surface} }}\n\
+             def Mesh \"m\" {{ rel material:binding = </M>\n{TRIANGLE}\ntexCoord2f[] primvars:st = [(0, 0), (1, 0), (0, 1)] (interpolation = \"vertex\") }}"
+        )
+    };
+    let loaded =
+        textured(&stage("token outputs:displacement.connect = </M/s.outputs:displacement>")).load("scene.usda");
+    let loaded = loaded.unwrap();
+    assert!(!warns(&loaded, "/M", ""), "{:?}", warnings(&loaded));
+    let scene = &loaded.scene;
+    let displacement = scene.materials[scene.meshes[0].material as usize].displacement.clone().unwrap();
+    assert_eq!((displacement.scale, displacement.bias, displacement.space), (0.2, -0.1, DisplacementSpace::World));
+    let DisplacementSource::Heights(height) = displacement.source else { panic!() };
+    let (map, channel) = height.texture.unwrap();
+    assert_eq!(channel, Channel::R);
+    assert!((scene.images[map.image.0 as usize].texel(0, 0).x - 188.0 / 255.0).abs() < 1e-5, "raw, without its bias");
+    // A material that does not name its displacement has none
+    let loaded = textured(&stage("")).load("scene.usda").unwrap();
+    assert!(loaded.scene.materials.iter().all(|material| material.displacement.is_none()));
 }
 
 /// A folder with a picture of two texels, and a stage.

@@ -287,6 +287,7 @@ fn check(request: &Request) -> Result<(), Error> {
         ("--animation", request.scene.animation.is_some()),
         ("--shutter", request.scene.shutter.is_some()),
         ("scene.subdivision", request.scene.subdivision.is_some()),
+        ("scene.displacement", request.scene.displacement.is_some()),
         ("--exact", request.devices.exact),
     ];
     match options.into_iter().find(|(_, is_given)| *is_given) {

@@ -5,7 +5,7 @@ use std::{sync::Arc, time::Instant};
 use bottega_render::{PrepareOptions, PreparedScene, SceneGeometry, View, build_accel};
 use bottega_scene::{Camera, Loaded, Mesh, Scene, SharedList};
 
-use super::{LoadedScene, aimed, no_camera, size, turn_environment};
+use super::{LoadedScene, aimed, displace_meshes, no_camera, size, turn_environment};
 use crate::{devices::threads, error::Error, request::Request};
 
 /// Largest number of triangles of meshes that are compared by content if they are not shared. Each state of a scene has its
@@ -34,7 +34,8 @@ impl LoadedScene {
     /// # Errors
     /// The scene has no camera or not the requested one, or cannot be prepared.
     pub fn edited(self, scene: impl Into<Loaded>, request: &Request) -> Result<Self, Error> {
-        let Loaded { mut scene, warnings, hints, files, .. } = scene.into();
+        let Loaded { mut scene, mut warnings, hints, files, .. } = scene.into();
+        displace_meshes(&mut scene, request, &mut warnings);
         if scene.cameras.is_empty() {
             return Err(no_camera());
         }

@@ -101,6 +101,10 @@ pub struct SceneOptions {
     /// warning.
     #[serde(default)]
     pub subdivision: Option<u8>,
+    /// How often the longest edge of a mesh that a texture displaces is halved, from 0 to 12; none: until edges are as long as
+    /// a texel, or as the file says, with at most a million triangles per mesh. With a number, a mesh has at most 4 million.
+    #[serde(default)]
+    pub displacement: Option<u8>,
 }
 
 impl SceneOptions {
@@ -118,6 +122,7 @@ impl SceneOptions {
             animation: None,
             variant: None,
             subdivision: None,
+            displacement: None,
         }
     }
 }

@@ -171,6 +171,11 @@ impl SceneOptions {
             let allowed = format!("a number of refinements from 0 to {most} is needed");
             return Err(InvalidField::new("scene.subdivision", level, allowed));
         }
+        let most = bottega_scene::DISPLACEMENT_MAX;
+        if let Some(level) = self.displacement.filter(|&level| level > most) {
+            let allowed = format!("a number of halvings from 0 to {most} is needed");
+            return Err(InvalidField::new("scene.displacement", level, allowed));
+        }
         let Some(ShutterTimes { open, close, ramp }) = self.shutter else { return Ok(()) };
         for (field, time) in [("scene.shutter.open", open), ("scene.shutter.close", close)] {
             if !time.is_finite() {

@@ -2,7 +2,7 @@
 
 use bottega_render::bsdf::{SurfacePoint, scattering};
 use bottega_scene::{
-    Channel, Coated, CoatedBase, ColorParam, Diffuse, Facets, Image, ImageId, Mapping, MappingKind, Material,
+    Channel, Coated, CoatedBase, ColorParam, Diffuse, Facets, Image, ImageId, Mapping, MappingKind, Material, Phong,
     SURFACE_UV_SETS, ScalarParam, Scene, Spectrum, Surface, TextureMap,
 };
 use glam::{Affine3A, Vec2, Vec3};
@@ -75,6 +75,10 @@ fn unsupported_features_are_named() {
     assert_eq!(unsupported.to_string(), "not for a GPU: clear coats whose thickness and roughness are both textures");
     let unsupported = EncodedMaterials::new(&scene(Surface::Hair(Box::default())), &[]).unwrap_err();
     assert_eq!(unsupported.to_string(), "not for a GPU: hair");
+    let white = || Spectrum::ONE.into();
+    let phong = Surface::Phong(Phong { diffuse: white(), specular: white(), exponent: 30.0.into() });
+    let unsupported = EncodedMaterials::new(&scene(phong), &[]).unwrap_err();
+    assert_eq!(unsupported.to_string(), "not for a GPU: highlights of Phong and Ward");
     let mapping = Mapping { kind: MappingKind::Planar, mapping_from_world: Affine3A::IDENTITY };
     let in_space = TextureMap { uv_set: SURFACE_UV_SETS, ..TextureMap::new(ImageId(0)) };
     let color = ColorParam { factor: Spectrum::ONE, texture: Some(in_space) };

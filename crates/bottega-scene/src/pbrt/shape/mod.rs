@@ -30,10 +30,6 @@ pub(super) fn read(context: &mut Context<'_>, entity: &Entity, shines: bool) -> 
             let reference = params.text("filename")?.ok_or_else(|| at.fault("`plymesh` needs a `filename`"))?;
             let place = context.place(params.place_of("filename"));
             let location = context.resources.locate(reference, &place)?;
-            if params.texture("displacement")?.is_some() {
-                context.unsupported(params.place_of("displacement"), "the mesh is not displaced");
-                params.mark_reported(&["edgelength"]);
-            }
             Geometry::Ply(location)
         }
         "trianglemesh" => triangles::read(context, params, at)?,
