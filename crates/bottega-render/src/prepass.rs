@@ -11,7 +11,7 @@ use crate::{
     },
     prepare::PreparedScene,
     settings::{AgentUse, PathSettings, PhotonSettings, View},
-    technique::{TechniquePlan, TechniqueStore, photons_to_try},
+    technique::{TechniquePlan, TechniqueStore, TriedPhotons},
 };
 
 /// Data learnt from one scene before its pictures, shared by all threads that render them. Each part is created by the
@@ -102,10 +102,15 @@ impl Prepass {
         Arc::clone(self.techniques.place(view, settings).get_or_init(|| Arc::new(decide())))
     }
 
+    /// Returns the technique of each zone of a picture that tries photons; `None`: nothing is decided yet.
+    pub(crate) fn known_technique(&self, view: &View, settings: &PathSettings) -> Option<Arc<TechniquePlan>> {
+        self.techniques.place(view, settings).get().cloned()
+    }
+
     /// Returns the number of zones that photons render, and that of all zones, of a picture that tries photons; `None`:
     /// nothing is decided yet, or the picture is too small to try them.
     pub fn zones_by_photons(&self, view: &View, settings: &PathSettings) -> Option<[usize; 2]> {
-        photons_to_try(view, settings)?;
+        TriedPhotons::of(view, settings)?;
         Some(self.techniques.place(view, settings).get()?.counts())
     }
 
@@ -150,7 +155,7 @@ impl Prepass {
     fn learnt_techniques(&self, prepared: &PreparedScene, view: &View, settings: &PathSettings) -> Option<Vec<u8>> {
         let guide = self.guide_place(guide_key(view, settings)).get().map_or_else(Vec::new, |guide| guide.to_bytes());
         let (mut plan, mut maps) = (Writer(Vec::new()), Vec::new());
-        if let Some(photons) = photons_to_try(view, settings) {
+        if let Some(TriedPhotons { zones: photons, .. }) = TriedPhotons::of(view, settings) {
             let known = Arc::clone(self.techniques.place(view, settings).get()?);
             known.write(&mut plan);
             if known.only() != Some(false) {
@@ -186,7 +191,7 @@ impl Prepass {
             let guide = Guide::from_bytes(guide)?;
             self.guide_place(guide_key(view, settings)).get_or_init(|| Arc::new(guide));
         }
-        let Some(photons) = photons_to_try(view, settings) else { return Ok(()) };
+        let Some(TriedPhotons { zones: photons, .. }) = TriedPhotons::of(view, settings) else { return Ok(()) };
         let plan = TechniquePlan::read(&mut Reader(plan)).ok_or(UnreadGuide)?;
         let needs_maps = plan.only() != Some(false);
         if needs_maps && !self.passes(prepared, view, photons, settings.seed, 1).take_bytes(maps) {

@@ -7,10 +7,12 @@ use crate::{
     settings::{PathSettings, PhotonSettings, View},
 };
 
-/// Samples of a picture per photon: casting then takes a few percent of the time of the picture.
-const SAMPLES_PER_PHOTON: u64 = 50;
+/// Samples of a picture per photon of the trial: casting then takes a few percent of the time of the picture.
+const SAMPLES_PER_TRIED_PHOTON: u64 = 50;
 /// The least number of photons that are tried: fewer make blurred maps.
 const PHOTONS_MIN: u64 = 20_000;
+/// Samples of a picture per photon, if photons render some of its zones.
+const SAMPLES_PER_PHOTON: u64 = 5;
 /// Number of plans kept.
 const PLANS_MAX: usize = 4;
 
@@ -82,13 +84,25 @@ impl ByteForm for TechniquePlan {
     }
 }
 
-/// Returns the settings of the photons that a picture tries; `None`: it has too few samples for photons to pay off.
-pub(crate) fn photons_to_try(view: &View, settings: &PathSettings) -> Option<PhotonSettings> {
-    let photons = settings.photons.filter(|_| settings.tries_photons)?;
-    let samples = view.pixel_count() * u64::from(settings.planned_samples);
-    let affordable = samples / SAMPLES_PER_PHOTON;
-    let count = u64::from(photons.count).min(affordable) as u32;
-    (affordable >= PHOTONS_MIN).then_some(PhotonSettings { count, ..photons })
+/// The photons of a picture whose zones try them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TriedPhotons {
+    /// Those of the trial.
+    pub(crate) trial: PhotonSettings,
+    /// Those of the zones that photons render.
+    pub(crate) zones: PhotonSettings,
+}
+
+impl TriedPhotons {
+    /// Returns the photons of a picture; `None`: it has too few samples for photons to pay off.
+    pub(crate) fn of(view: &View, settings: &PathSettings) -> Option<Self> {
+        let photons = settings.photons.filter(|_| settings.tries_photons)?;
+        let samples = view.pixel_count() * u64::from(settings.planned_samples);
+        let affordable = samples / SAMPLES_PER_TRIED_PHOTON;
+        let at_most = |count: u64| PhotonSettings { count: u64::from(photons.count).min(count) as u32, ..photons };
+        (affordable >= PHOTONS_MIN)
+            .then(|| Self { trial: at_most(affordable), zones: at_most(samples / SAMPLES_PER_PHOTON) })
+    }
 }
 
 /// What a plan depends on, besides the scene.

@@ -25,7 +25,7 @@ use crate::{
     prepass::Prepass,
     sampler::{DimensionSet, PixelSampler},
     settings::{PathSettings, PhotonSettings, View},
-    technique::{TechniquePlan, photons_to_try},
+    technique::{TechniquePlan, TriedPhotons},
 };
 
 /// Samples of the whole picture per sample of the trial.
@@ -120,20 +120,22 @@ impl<'a> Chosen<'a> {
         wanted: Wanted,
     ) -> Result<Self, RenderError> {
         let paths = PathIntegrator::new(prepared, prepass, view, settings)?.with_wanted(wanted);
-        let Some(photons) = photons_to_try(view, settings) else { return Ok(Self::Paths(paths)) };
-        let photons = PhotonIntegrator::new(prepared, prepass, view, settings, photons)?.with_wanted(wanted);
-        let plan = prepass.technique(view, settings, || TechniqueTrial::new(&paths, &photons, view).plan());
+        let Some(tried) = TriedPhotons::of(view, settings) else { return Ok(Self::Paths(paths)) };
+        let plan = choose_techniques(prepared, prepass, view, settings, tried.trial)?;
+        if plan.only() == Some(false) {
+            return Ok(Self::Paths(paths));
+        }
+        let photons = PhotonIntegrator::new(prepared, prepass, view, settings, tried.zones)?.with_wanted(wanted);
         Ok(match plan.only() {
-            Some(false) => Self::Paths(paths),
-            Some(true) => Self::Photons(photons),
+            Some(_) => Self::Photons(photons),
             None => Self::ByZone(Box::new(ByZone { paths, photons, plan })),
         })
     }
 }
 
-/// Chooses the techniques of a picture's zones, if `prepass` has no plan yet. The photon maps must exist.
+/// Returns the techniques of a picture's zones, and chooses them if `prepass` has no plan yet.
 ///
-/// - `photons`: those that the picture tries.
+/// - `photons`: those of the trial.
 ///
 /// # Errors
 /// [`RenderError::PhotonsInMedia`], [`RenderError::EmptyPicture`].
@@ -143,11 +145,13 @@ pub(crate) fn choose_techniques(
     view: &View,
     settings: &PathSettings,
     photons: PhotonSettings,
-) -> Result<(), RenderError> {
+) -> Result<Arc<TechniquePlan>, RenderError> {
+    if let Some(known) = prepass.known_technique(view, settings) {
+        return Ok(known);
+    }
     let paths = PathIntegrator::new(prepared, prepass, view, settings)?;
     let photons = PhotonIntegrator::new(prepared, prepass, view, settings, photons)?;
-    prepass.technique(view, settings, || TechniqueTrial::new(&paths, &photons, view).plan());
-    Ok(())
+    Ok(prepass.technique(view, settings, || TechniqueTrial::new(&paths, &photons, view).plan()))
 }
 
 /// A trial of both techniques.
@@ -363,7 +367,7 @@ mod tests {
         let prepass = Prepass::default();
         let plan = prepass.technique(&view, &settings, || TechniquePlan::new(2, 1, vec![true, false]).unwrap());
         let samples: Vec<_> = (24..40).flat_map(|x| (0..3).map(move |sample| (x, 30, sample))).collect();
-        let photons = photons_to_try(&view, &settings).unwrap();
+        let photons = TriedPhotons::of(&view, &settings).unwrap().zones;
         let by_photons = PathSettings { photons: Some(photons), tries_photons: false, ..settings };
         let by_paths = PathSettings { photons: None, tries_photons: false, ..settings };
         let [mixed, photons, paths] = [&settings, &by_photons, &by_paths].map(|settings| {

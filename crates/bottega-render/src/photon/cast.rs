@@ -20,10 +20,12 @@ use crate::{
     prepass::Prepass,
     settings::{PathSettings, PhotonSettings, View},
     sharing::{Executors, LaterStages, Sharing},
-    technique::photons_to_try,
+    technique::TriedPhotons,
     work::{RenderOutput, RenderWork},
 };
 
+/// Greatest number of stages in which machines share the casting of a picture's photons.
+const STAGES_MAX: u32 = 16;
 /// Photons per unit of work: some milliseconds.
 const PHOTONS: u32 = 8192;
 /// Points per unit of work.
@@ -84,13 +86,22 @@ pub fn prepare_techniques(
         Some(others) => learn_together(scene, prepass, view, settings, others)?,
         None => drop(PathIntegrator::new(scene, prepass, view, settings)?),
     }
-    let Some(photons) = photons_to_try(view, settings) else { return Ok(()) };
-    let with_photons = PathSettings { photons: Some(photons), tries_photons: false, ..*settings };
-    // The guide of paths has stages of its own
-    let later = others.map(|others| LaterStages { others, before: LEARNING_STAGES });
-    let others = later.as_ref().map(|later| later as &dyn Sharing);
-    cast_photons(scene, prepass, view, &with_photons, client, others)?;
-    choose_techniques(scene, prepass, view, settings, photons)
+    let Some(tried) = TriedPhotons::of(view, settings) else { return Ok(()) };
+    let cast = |photons: PhotonSettings, before: u32| {
+        let with_photons = PathSettings { photons: Some(photons), tries_photons: false, ..*settings };
+        let later = others.map(|others| LaterStages { others, before });
+        let others = later.as_ref().map(|later| later as &dyn Sharing);
+        cast_photons(scene, prepass, view, &with_photons, client, others)
+    };
+    // Cast the few photons of the trial, unless paths cannot judge them
+    if !scene.hides_light() {
+        cast(tried.trial, LEARNING_STAGES)?;
+    }
+    // Cast all photons if some zones need them
+    if choose_techniques(scene, prepass, view, settings, tried.trial)?.only() != Some(false) {
+        cast(tried.zones, LEARNING_STAGES + STAGES_MAX)?;
+    }
+    Ok(())
 }
 
 /// Builds the maps of one pass.
