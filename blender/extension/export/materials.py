@@ -197,7 +197,7 @@ class MaterialMaker:
         method = getattr(material, "displacement_method", None) or getattr(getattr(material, "cycles", None), "displacement_method", "BUMP")
         moves = method in ("DISPLACEMENT", "BOTH")
         if source.node.bl_idname == "ShaderNodeVectorDisplacement" and moves:
-            self._vector_displacement(source, method)
+            self._vector_displacement(source, "DISPLACEMENT")
             return
         if source.node.bl_idname != "ShaderNodeDisplacement":
             self.note(source.node, Fidelity.LEFT_OUT, "vector displacement is left out where the material only has bumps")
@@ -213,6 +213,7 @@ class MaterialMaker:
             low = computed("height", 1, lambda values: values, height)
             texture = self._texture(low.key(), folded(low), low, 1.0)
             self._move(source, method, texture, length, middle.number() if middle.is_constant else 0.5)
+        if method == "DISPLACEMENT":
             return
         if self.made.material.relief is None:
             factor = scale.number()
@@ -229,13 +230,11 @@ class MaterialMaker:
         self._move(source, method, vector, scale.number(), middle.number() if middle.is_constant else 0.0, vectors)
 
     def _move(self, source: Any, method: str, texture: bottega.Texture, scale: float, middle: float, vectors: Any = "none") -> None:
-        """Lets a texture move the points of the material's meshes. As in Cycles, *Displacement Only* moves the vertices of the mesh;
-        with *Displacement and Bump* it is refined to the texels, which then need no bump."""
+        """Lets a texture move the vertices of the material's meshes, which are not refined, as in Cycles. With a bump they keep their normals."""
         space = "world" if source.node.space == "WORLD" and vectors == "none" else "object"
         if source.node.space == "WORLD" and vectors != "none":
             self.note(source.node, Fidelity.APPROXIMATED, "vectors of the world are rendered as those of the object")
-        edge = _NO_EDGE if method == "DISPLACEMENT" else None
-        self.made.material.displacement = bottega.Displacement(texture, scale, -scale * middle, vectors, space, edge)  # type: ignore[arg-type]
+        self.made.material.displacement = bottega.Displacement(texture, scale, -scale * middle, vectors, space, _NO_EDGE, method == "BOTH")  # type: ignore[arg-type]
 
     def _has_volume(self, output: Any) -> bool:
         volume = named(output, (), "Volume")

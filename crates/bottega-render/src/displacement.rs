@@ -131,18 +131,24 @@ fn displaced(
     let mut mesh = mesh.clone();
     let edge = longest_edge(scene, &mesh, displacement, world_from_object, limits.level);
     let is_fine = edge.is_none_or(|edge| split_long_edges(&mut mesh, edge, limits.faces_max));
-    let was_smooth = !mesh.normals.is_empty();
+    if displacement.keeps_normals && mesh.normals.is_empty() {
+        // A mesh without normals would take those of its displaced triangles
+        let vertices: Vec<u32> = (0..mesh.positions.len() as u32).collect();
+        mesh.normals = smooth_normals(&mesh.positions, &mesh.triangles, &vertices);
+        mesh.motion.iter_mut().for_each(|key| key.normals.clone_from(&mesh.normals));
+    }
+    let has_new_normals = !mesh.normals.is_empty() && !displacement.keeps_normals;
     let frame = PlaceFrame::new(world_from_object);
     let corner_ids = joined(&mesh.positions, &mesh.normals);
     let mut keys = std::mem::take(&mut mesh.motion);
     let moved = move_points(scene, &mesh, displacement, &frame, (&mesh.positions, &mesh.normals));
     for MeshKey { positions, normals, .. } in &mut keys {
         *positions = move_points(scene, &mesh, displacement, &frame, (positions, normals));
-        if was_smooth {
+        if has_new_normals {
             *normals = smooth_normals(positions, &mesh.triangles, &corner_ids);
         }
     }
-    if was_smooth {
+    if has_new_normals {
         mesh.normals = smooth_normals(&moved, &mesh.triangles, &corner_ids);
     }
     mesh.positions = moved;
@@ -407,6 +413,14 @@ mod tests {
         for n in &mesh.normals {
             assert!((*n - expected).length() < 1e-4 || (n.y.abs() < 1e-4 && n.z > 0.5), "{n}");
         }
+    }
+
+    #[test]
+    fn normals_stay_for_a_relief() {
+        let mut scene = scene(square(), |displacement| displacement.keeps_normals = true);
+        displace(&mut scene, Some(1), 1 << 30);
+        let mesh = &scene.meshes[0];
+        assert!(mesh.normals.iter().all(|n| *n == Vec3::Z) && mesh.positions.iter().any(|p| p.z > 0.5));
     }
 
     #[test]

@@ -20,6 +20,10 @@ pub struct Displacement {
     /// Longest edge after refinement, in that space; `None`: a texel of the texture.
     #[serde(default)]
     pub edge: Option<f32>,
+    /// `true`: vertex normals stay as they are, because a relief has the slopes of the texture (Cycles' *Displacement and
+    /// Bump*). `false`: they are those of the displaced surface.
+    #[serde(default)]
+    pub keeps_normals: bool,
 }
 
 /// The texture of a displacement.
@@ -49,7 +53,14 @@ impl Displacement {
     /// Returns a displacement by heights along the normal, in object space.
     pub fn heights(height: ScalarParam) -> Self {
         let space = DisplacementSpace::Object;
-        Self { source: DisplacementSource::Heights(height), scale: 1.0, bias: 0.0, space, edge: None }
+        Self {
+            source: DisplacementSource::Heights(height),
+            scale: 1.0,
+            bias: 0.0,
+            space,
+            edge: None,
+            keeps_normals: false,
+        }
     }
 
     /// Returns the texture; `None`: the displacement is the same everywhere.

@@ -65,7 +65,7 @@ impl Noise {
             Self::Turbulence(octaves) => octaves.turbulence(p, resolved),
             Self::Waves => {
                 // Of wind and waves, the wind is ten times as large: it resolves log₂ 10 more octaves
-                let wind = WIND.fbm(p.map(|x| N::constant(0.1) * x), resolved + 3.321_928);
+                let wind = WIND.fbm(p.map(|x| N::constant(0.1) * x), resolved + std::f32::consts::LOG2_10);
                 wind.abs() * WAVES.fbm(p, resolved)
             }
         }

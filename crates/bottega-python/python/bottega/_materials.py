@@ -111,7 +111,7 @@ class Displacement(Value):
 
     - `vectors`: `none`: heights along the normal; `tangent`: red along the tangent, green along the normal, blue along the bitangent; `object`.
     - `space`: `object`: larger objects are displaced more; `world`: lengths are scene units.
-    - `edge`: the longest edge after refinement; `None`: a texel.
+    - `edge`: the longest edge after refinement; `None`: a texel. `keeps_normals`: a relief has the slopes of the texture.
     """
 
     texture: Texture = of(TextureKind(), ...)
@@ -120,9 +120,10 @@ class Displacement(Value):
     vectors: Literal["none", "tangent", "object"] = choice("none", "tangent", "object")
     space: Literal["object", "world"] = choice("object", "world")
     edge: float | None = of(MaybeRealKind(), None)
+    keeps_normals: bool = flag(False)
 
     def plain_fields(self, names: Names) -> dict[str, Any]:
-        plain = {"scale": self.scale, "bias": self.bias, "space": self.space, "edge": self.edge}
+        plain = {"scale": self.scale, "bias": self.bias, "space": self.space, "edge": self.edge, "keeps_normals": self.keeps_normals}
         if self.vectors == "none":
             return {**plain, "source": {"heights": NumberKind().plain(self.texture, names)}}
         return {**plain, "source": {f"{self.vectors}_vectors": TexturedColorKind().plain(self.texture, names)}}
@@ -130,7 +131,7 @@ class Displacement(Value):
     @classmethod
     def of_plain(cls, plain: dict[str, Any], names: Names) -> Displacement:
         ((kind, members),) = plain["source"].items()
-        same: dict[str, Any] = {name: plain.get(name) for name in ("scale", "bias", "space", "edge")}
+        same: dict[str, Any] = {name: plain.get(name) for name in ("scale", "bias", "space", "edge", "keeps_normals")}
         if kind == "heights":
             return cls(NumberKind().value(members, names), **same)
         same["vectors"] = kind.removesuffix("_vectors")

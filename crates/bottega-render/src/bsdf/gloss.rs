@@ -171,7 +171,7 @@ mod tests {
     #[test]
     fn values_are_those_of_the_formulas() {
         // Computed in double precision from the papers' equations.
-        let (wo, wi) = (Vec3::new(0.48, 0.36, 0.8), Vec3::new(-0.28, -0.57_688_82, 0.767_332_2));
+        let (wo, wi) = (Vec3::new(0.48, 0.36, 0.8), Vec3::new(-0.28, -0.576_888_2, 0.767_332_2));
         let wi = wi.normalize();
         for (highlight, expected) in [
             (Highlight::phong(30.0), (0.4227897, 0.5393157)),

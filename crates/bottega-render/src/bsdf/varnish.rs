@@ -27,7 +27,6 @@ use super::{BsdfSample, LobeFlags, TransportMode};
 
 /// The base below the layer.
 #[derive(Clone, Copy, Debug)]
-#[expect(clippy::large_enum_variant, reason = "a BSDF is a value on the stack")]
 pub(super) enum VarnishBase {
     Matte(RoughMatte),
     Conductor(Conductor),
