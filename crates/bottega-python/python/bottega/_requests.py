@@ -113,12 +113,14 @@ visual: The visibility of errors.
 """
 
 
-IntegratorChoice = Literal["path", "photon", "ala"]
+IntegratorChoice = Literal["path", "photon", "ala", "auto"]
 """The integrator. path: Path tracing: unbiased; the only error is noise. photon: Photon mapping:
 photons from the lights first, then the picture from their density. Less noise, and light through
 glass that paths hardly find; slightly blurred. No fog. ala: Autonomous Lighting Agents: a few
 agents explore the scene first, and answer which points are lit and how much indirect light they
-get. No fog.
+get. No fog. auto: Paths or photons, zone by zone, whichever a trial before the picture finds better
+for its time. Photons are slightly blurred, so they are tried only with an `optimization` of the
+work; without it, paths render everything.
 """
 
 
@@ -368,6 +370,10 @@ class CameraPose(Section):
 class DeviceOptions(Section):
     """The processors and devices of this machine that render. Other machines have their own."""
 
+    bin: int | None = None
+    """Largest number of work units that wait for a processor or device; none: as many as are done in a
+    twentieth of a second.
+    """
     exact: bool = False
     """True to make pixels bit-identical on every machine: only processors render."""
     memory_mb: int | None = None
