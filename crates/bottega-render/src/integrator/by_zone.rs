@@ -14,7 +14,7 @@ use bottega_scene::Spectrum;
 use rayon::prelude::*;
 
 use super::{
-    path::{LEARNING_SEED, PathIntegrator},
+    path::PathIntegrator,
     photon::PhotonIntegrator,
     record::{PathRecord, Wanted},
     turns::SampleBatch,
@@ -28,6 +28,8 @@ use crate::{
     technique::{TechniquePlan, TriedPhotons},
 };
 
+/// Seed of the trial, which no picture uses.
+const TRIAL_SEED: u64 = 0x7465_6368_6e69_7175;
 /// Samples of the whole picture per sample of the trial.
 const SAMPLES_PER_TRIED: u64 = 100;
 /// Least and greatest number of pixels in the trial.
@@ -43,6 +45,11 @@ const ZONES_MAX: f64 = 8.0;
 const COMMON_PIXELS: f64 = 48.0;
 /// Factor by which photons must be better than paths, by the geometric mean of both measures.
 const GAIN_MIN: f64 = 1.1;
+/// Factor by which the other technique must be better in a zone than that of most of the picture: a zone has few pixels.
+const ZONE_GAIN_MIN: f64 = 1.5;
+/// Relative squared error of paths in the trial from which the whole picture has one technique: where paths find rare
+/// light, they look exact in zones that miss it.
+const NOISY: f64 = 0.25;
 /// Factor by which photons may be worse by one of both measures.
 const LOSS_MAX: f64 = 1.25;
 /// Relative error of photon maps that is assumed unless paths contradict.
@@ -214,7 +221,7 @@ impl<'a, 'b> TechniqueTrial<'a, 'b> {
         let tried = view.pixel_count() * u64::from(planned) / SAMPLES_PER_TRIED;
         let count = (tried / (4 * u64::from(samples))).clamp(PIXELS[0], PIXELS[1]) as u32;
         let pixel = |index| {
-            let [x, y] = PixelSampler::new(LEARNING_SEED, 2, 0, index).get_2d(DimensionSet::CAMERA).to_array();
+            let [x, y] = PixelSampler::new(TRIAL_SEED, 0, 0, index).get_2d(DimensionSet::CAMERA).to_array();
             ((x * view.width as f32) as u32, (y * view.height as f32) as u32)
         };
         Self { paths, photons, pixels: (0..count).map(pixel).collect(), samples }
@@ -229,27 +236,31 @@ impl<'a, 'b> TechniqueTrial<'a, 'b> {
         }
         self.photons.cast(0..1);
         let errors = prepared.on_threads(|| self.tried());
+        let common = self.ratios(&errors);
+        let usual = is_worth(common);
+        let noise = errors.iter().map(|it| it.random[0][0]).sum::<f64>() / errors.len().max(1) as f64;
+        if noise > NOISY || !are_believed(&errors) {
+            return TechniquePlan::whole(usual);
+        }
         // Sort the pixels into the zones of the plan
         let side = (errors.len() as f64 / PIXELS_PER_ZONE).sqrt().floor().clamp(1.0, ZONES_MAX) as u32;
         let mut by_zone = vec![Vec::new(); (side * side) as usize];
         for (&(x, y), errors) in self.pixels.iter().zip(&errors) {
             by_zone[TechniquePlan::zone([side, side], self.paths.place(x, y))].push(*errors);
         }
-        // Blend the ratio of each zone with that of all pixels
-        let common = self.ratios(&errors);
-        let is_better = |zone: &Vec<PixelErrors>| {
-            let own = self.ratios(zone);
+        // Choose another technique in a zone only if it is clearly better there
+        let is_by_photons = |zone: &Vec<PixelErrors>| {
             let count = zone.len() as f64;
-            let blended = [0, 1].map(|measure: usize| match (own[measure], common[measure]) {
-                (own, common) if own.is_finite() && common.is_finite() => {
-                    (count * own + COMMON_PIXELS * common) / (count + COMMON_PIXELS)
-                }
-                (_, common) => common,
-            });
-            is_worth(blended)
+            let (own, common) = (geometric_mean(self.ratios(zone)), geometric_mean(common));
+            let blended = (count * own + COMMON_PIXELS * common) / (count + COMMON_PIXELS);
+            match usual {
+                _ if !blended.is_finite() || !are_believed(zone) => usual,
+                true => blended < ZONE_GAIN_MIN,
+                false => blended * ZONE_GAIN_MIN < 1.0,
+            }
         };
-        let plan = TechniquePlan::new(side, side, by_zone.iter().map(is_better).collect());
-        plan.unwrap_or_else(|| TechniquePlan::whole(is_worth(common)))
+        let plan = TechniquePlan::new(side, side, by_zone.iter().map(is_by_photons).collect());
+        plan.unwrap_or_else(|| TechniquePlan::whole(usual))
     }
 
     /// Returns error times work of photons over that of paths, by both measures, at the samples of the picture.
@@ -264,15 +275,14 @@ impl<'a, 'b> TechniqueTrial<'a, 'b> {
             // Believe paths that find the light, as far as they contradict by more than chance
             let (found, assumed) = (mean(&|it| it.of_maps[measure]), mean(&|it| it.assumed[measure]));
             let spread = mean(&|it| (it.of_maps[measure] - found).powi(2)).sqrt() / count.sqrt();
-            let is_believed = mean(&|it| it.brightness[0]) >= FOUND_MIN * mean(&|it| it.brightness[1]);
-            let of_maps = if is_believed { assumed.max(found - 2.0 * spread) } else { assumed };
+            let of_maps = if are_believed(errors) { assumed.max(found - 2.0 * spread) } else { assumed };
             (mean(&|it| it.random[1][measure]) + of_maps * planned) * photon_work / of_paths
         })
     }
 
     /// Renders all pixels by both techniques.
     fn tried(&self) -> Vec<PixelErrors> {
-        let seeds = [3, 4].map(|seed| PathSettings { seed: LEARNING_SEED + seed, ..*self.paths.settings() });
+        let seeds = [1, 2].map(|seed| PathSettings { seed: TRIAL_SEED + seed, ..*self.paths.settings() });
         let of_chunk = |pixels: &[(u32, u32)]| {
             let samples: Vec<_> =
                 pixels.iter().flat_map(|&(x, y)| (0..self.samples).map(move |sample| (x, y, sample))).collect();
@@ -313,10 +323,19 @@ impl<'a, 'b> TechniqueTrial<'a, 'b> {
     }
 }
 
+/// Returns `true` if paths find the light of photons, so that they can contradict them.
+fn are_believed(errors: &[PixelErrors]) -> bool {
+    let sum = |technique: usize| errors.iter().map(|it| it.brightness[technique]).sum::<f64>();
+    sum(0) >= FOUND_MIN * sum(1)
+}
+
+fn geometric_mean([relative, shown]: [f64; 2]) -> f64 {
+    (relative * shown).sqrt()
+}
+
 /// Returns `true` if photons are better by these ratios of error times work.
 fn is_worth(ratios: [f64; 2]) -> bool {
-    let [relative, shown] = ratios;
-    ratios.iter().all(|&ratio| ratio <= LOSS_MAX) && (relative * shown).sqrt() * GAIN_MIN < 1.0
+    ratios.iter().all(|&ratio| ratio <= LOSS_MAX) && geometric_mean(ratios) * GAIN_MIN < 1.0
 }
 
 #[cfg(test)]

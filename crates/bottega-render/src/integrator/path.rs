@@ -39,7 +39,6 @@ pub(super) use setup::PlannedWays;
 use state::Previous;
 pub(super) use state::{BRANCHES_MAX, Branch, Path};
 pub(super) use suspended::{DeferredLight, SuspendedPath};
-pub(super) use trial::LEARNING_SEED;
 use vertex::PathVertex;
 
 /// Cost of a path vertex in [`SampleValues::cost`](bottega_image::SampleValues::cost), in traversal steps.

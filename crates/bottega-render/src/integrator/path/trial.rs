@@ -24,7 +24,7 @@ use crate::{
 
 /// Seed of the paths that the guide learns from and of the trials. No picture uses it: what is learned must not depend
 /// on the picture's samples.
-pub(in crate::integrator) const LEARNING_SEED: u64 = 0x6775_6964_655f_7365;
+pub(super) const LEARNING_SEED: u64 = 0x6775_6964_655f_7365;
 /// Samples of the whole picture per sample of the first trial (which decides whether to learn on) and of the last one.
 const SAMPLES_PER_TRIED: [u64; 2] = [256, 40];
 /// Least number of pixels in a trial. Fewer are not conclusive.
