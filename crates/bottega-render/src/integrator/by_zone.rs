@@ -35,7 +35,7 @@ const SAMPLES_PER_TRIED: u64 = 100;
 /// Least and greatest number of pixels in the trial.
 const PIXELS: [u64; 2] = [128, 4096];
 /// Greatest number of samples per pixel, technique and repetition.
-const SAMPLES_MAX: u32 = 16;
+const SAMPLES_MAX: u32 = 8;
 /// Pixels that one thread renders in a row.
 const PIXELS_PER_CHUNK: usize = 16;
 /// Pixels tried per zone of the plan, and greatest number of zones along a side.
@@ -50,6 +50,8 @@ const ZONE_GAIN_MIN: f64 = 1.5;
 /// Relative squared error of paths in the trial from which the whole picture has one technique: where paths find rare
 /// light, they look exact in zones that miss it.
 const NOISY: f64 = 0.25;
+/// Share of the pixels, those with the greatest errors of paths, that do not count unless paths are very noisy.
+const OUTLIERS: f64 = 0.01;
 /// Factor by which photons may be worse by one of both measures.
 const LOSS_MAX: f64 = 1.25;
 /// Relative error of photon maps that is assumed unless paths contradict.
@@ -236,12 +238,12 @@ impl<'a, 'b> TechniqueTrial<'a, 'b> {
         }
         self.photons.cast(0..1);
         let errors = prepared.on_threads(|| self.tried());
-        let common = self.ratios(&errors);
-        let usual = is_worth(common);
         let noise = errors.iter().map(|it| it.random[0][0]).sum::<f64>() / errors.len().max(1) as f64;
         if noise > NOISY || !are_believed(&errors) {
-            return TechniquePlan::whole(usual);
+            return TechniquePlan::whole(is_worth(self.ratios(&errors, false)));
         }
+        let common = self.ratios(without_outliers(&mut errors.clone()), true);
+        let usual = is_worth(common);
         // Sort the pixels into the zones of the plan
         let side = (errors.len() as f64 / PIXELS_PER_ZONE).sqrt().floor().clamp(1.0, ZONES_MAX) as u32;
         let mut by_zone = vec![Vec::new(); (side * side) as usize];
@@ -251,7 +253,7 @@ impl<'a, 'b> TechniqueTrial<'a, 'b> {
         // Choose another technique in a zone only if it is clearly better there
         let is_by_photons = |zone: &Vec<PixelErrors>| {
             let count = zone.len() as f64;
-            let (own, common) = (geometric_mean(self.ratios(zone)), geometric_mean(common));
+            let (own, common) = (geometric_mean(self.ratios(zone, true)), geometric_mean(common));
             let blended = (count * own + COMMON_PIXELS * common) / (count + COMMON_PIXELS);
             match usual {
                 _ if !blended.is_finite() || !are_believed(zone) => usual,
@@ -264,7 +266,9 @@ impl<'a, 'b> TechniqueTrial<'a, 'b> {
     }
 
     /// Returns error times work of photons over that of paths, by both measures, at the samples of the picture.
-    fn ratios(&self, errors: &[PixelErrors]) -> [f64; 2] {
+    ///
+    /// - `believes`: `true`: paths may contradict photons.
+    fn ratios(&self, errors: &[PixelErrors], believes: bool) -> [f64; 2] {
         let count = errors.len().max(1) as f64;
         let mean = |value: &dyn Fn(&PixelErrors) -> f64| errors.iter().map(value).sum::<f64>() / count;
         let [path_work, photon_work] = [0, 1].map(|technique: usize| mean(&|it| it.work[technique]));
@@ -275,7 +279,7 @@ impl<'a, 'b> TechniqueTrial<'a, 'b> {
             // Believe paths that find the light, as far as they contradict by more than chance
             let (found, assumed) = (mean(&|it| it.of_maps[measure]), mean(&|it| it.assumed[measure]));
             let spread = mean(&|it| (it.of_maps[measure] - found).powi(2)).sqrt() / count.sqrt();
-            let of_maps = if are_believed(errors) { assumed.max(found - 2.0 * spread) } else { assumed };
+            let of_maps = if believes && are_believed(errors) { assumed.max(found - 2.0 * spread) } else { assumed };
             (mean(&|it| it.random[1][measure]) + of_maps * planned) * photon_work / of_paths
         })
     }
@@ -321,6 +325,13 @@ impl<'a, 'b> TechniqueTrial<'a, 'b> {
             tried.work += records.iter().map(&work).sum::<f64>();
         }
     }
+}
+
+/// Returns the pixels without those of the greatest errors of paths, which few pixels miss.
+fn without_outliers(errors: &mut [PixelErrors]) -> &[PixelErrors] {
+    errors.sort_by(|a, b| a.random[0][0].total_cmp(&b.random[0][0]));
+    let kept = errors.len() - (errors.len() as f64 * OUTLIERS).ceil() as usize;
+    &errors[..kept]
 }
 
 /// Returns `true` if paths find the light of photons, so that they can contradict them.
