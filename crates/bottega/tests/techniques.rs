@@ -11,7 +11,8 @@ use bottega::{
 use crate::support::{Notes, processors};
 
 fn request(optimization: OptimizationChoice, method: IntegratorChoice) -> Request {
-    let mut request = Request::new(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/cornell-box.glb"));
+    let mut request =
+        Request::new(Path::new(env!("CARGO_MANIFEST_DIR")).join("../bottega-cli/tests/scenes/diffuse-box.glb"));
     request.film.size = Some([96, 96]);
     request.goal.samples = Some(256);
     request.devices.names = vec!["cpu".to_owned()];

@@ -59,7 +59,7 @@ impl Measurement for ScaleOptions {
                 let values = axis.measure(size, threads)?;
                 of_axis.iter_mut().zip(values).for_each(|(curve, value)| curve.points.push(Point { size, value }));
             }
-            of_axis.iter_mut().for_each(|curve| curve.fit());
+            of_axis.iter_mut().for_each(Curve::fit);
             curves.extend(of_axis);
         }
         let report = ScaleReport { curves };
