@@ -89,8 +89,7 @@ impl GrowthAxis {
         ];
         const PIXELS: [Quantity; 1] = [quantity("rendering 4 samples per pixel, s", "n", LINEAR)];
         const SAMPLES: [Quantity; 1] = [quantity("rendering 128 × 128 pixels, s", "n", LINEAR)];
-        const ZONES: [Quantity; 1] =
-            [quantity("painting 512 × 512 pixels, 1 sample, by two agents, s", "1, then n", [-0.1, 1.1])];
+        const ZONES: [Quantity; 1] = [quantity("painting 512 × 512 pixels by two agents, s", "1, then n", [-0.1, 1.1])];
         const AGENTS: [Quantity; 3] = [
             quantity("messages per zone", "1", [-0.1, 0.2]),
             quantity("makespan over its lower bound", "1", [-0.1, 0.1]),

@@ -51,17 +51,21 @@ fn draw(svg: &mut Svg, curve: &Curve, [left, top]: [f64; 2]) {
     let place = |size: f64, value: f64| (left + SIDE * across.at(size), bottom - SIDE * up.at(value));
     // Title, frame and the powers of ten at the ends
     let exponent = curve.exponent.map_or("?".to_owned(), |exponent| format!("{exponent:.2}"));
-    svg.text([left, top - 20.0], "", format_args!("{}, by {}", curve.quantity, curve.axis));
-    svg.text([left, top - 6.0], "fill=\"#666\"", format_args!("expected {}; measured exponent {exponent}", curve.law));
+    svg.text([left, top - 20.0], "", curve.quantity);
+    svg.text(
+        [left, top - 6.0],
+        "fill=\"#666\"",
+        format_args!("by {}: law {}, exponent {exponent}", curve.axis, curve.law),
+    );
     svg.put(format_args!(
         "<path d=\"M{left:.1} {top:.1}V{bottom:.1}H{:.1}\" fill=\"none\" stroke=\"#999\"/>",
         left + SIDE
     ));
     for (power, y) in [(up.low, bottom), (up.high, top + 8.0)] {
-        svg.text([left - 4.0, y], "text-anchor=\"end\"", format_args!("1e{power:.0}"));
+        svg.text([left - 4.0, y], "text-anchor=\"end\"", format_args!("1e{:.0}", power + 0.0));
     }
     for (power, x) in [(across.low, left), (across.high, left + SIDE)] {
-        svg.text([x, bottom + 14.0], "text-anchor=\"middle\"", format_args!("1e{power:.0}"));
+        svg.text([x, bottom + 14.0], "text-anchor=\"middle\"", format_args!("1e{:.0}", power + 0.0));
     }
     // The law through the last point, by both exponents
     if let [first, .., last] = curve.points[..] {
