@@ -26,7 +26,8 @@ impl AgentId {
     }
 }
 
-/// Returns the machine in the name of a process or agent: the part after the last `@`, up to the first full stop.
+/// Returns the machine in the name of a process or agent: the part after the last `@` (without one, the whole name), up
+/// to the first full stop, if it has one.
 pub fn machine_of(name: &str) -> &str {
     let process = name.rsplit_once('@').map_or(name, |(_, process)| process);
     process.split_once('.').map_or(process, |(machine, _)| machine)

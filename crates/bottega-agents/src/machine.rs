@@ -27,7 +27,7 @@ pub enum Event<C, V, R> {
     /// An agent arrived, or was silent for so long that it counts as gone. This may be wrong: only a compare-and-set
     /// decides ownership. Sent to agents that requested it by [`Action::WatchPresence`].
     Presence {
-        /// The name of the agent.
+        /// The agent that arrived or is gone.
         agent: AgentId,
         /// True if the agent is present.
         present: bool,

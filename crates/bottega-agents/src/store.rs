@@ -37,7 +37,7 @@ pub struct Entry<V> {
     pub value: V,
 }
 
-/// A request to the store.
+/// A request to the store. The answer to each may also be [`StoreReply::Unavailable`], and on a network it may be lost.
 #[derive(Clone, Debug, PartialEq)]
 pub enum StoreRequest<V> {
     /// Reads an entry; answered by [`StoreReply::Got`].
@@ -62,8 +62,8 @@ pub enum StoreRequest<V> {
         /// The new value.
         value: V,
     },
-    /// Reports all entries whose key starts with a prefix, then [`StoreReply::CaughtUp`], then every write to one of
-    /// them.
+    /// Reports all entries whose key starts with a prefix by [`StoreReply::Changed`], then [`StoreReply::CaughtUp`],
+    /// then every write to one of them. Replaces an earlier watch of the same client with the same ticket.
     Watch {
         /// The prefix of the keys.
         prefix: Key,
@@ -121,7 +121,7 @@ pub enum StoreReply<V> {
     Conflict {
         /// The key of the entry.
         key: Key,
-        /// The current entry.
+        /// The current entry; `None`: it does not exist.
         entry: Option<Entry<V>>,
     },
     /// The new state of a watched entry.
@@ -147,7 +147,8 @@ impl<V> StoreReply<V> {
     }
 }
 
-/// A store in memory: used by drivers within one process, and the reference for all other stores.
+/// A store in memory: used by drivers within one process, and the reference for all other stores. `V` is the type of
+/// the values; `W` identifies a client.
 #[derive(Clone, Debug)]
 pub struct MemoryStore<V, W = ()> {
     folders: BTreeMap<Arc<str>, Folder<V>>,
@@ -222,7 +223,7 @@ impl<V, W: PartialEq> MemoryStore<V, W> {
 }
 
 impl<V: Clone, W: Clone + PartialEq> MemoryStore<V, W> {
-    /// Executes a request of `from` and appends the replies: first to the client, then to the watchers.
+    /// Executes a request of client `from` and appends the replies: first to the client, then to the watchers.
     pub fn handle(
         &mut self,
         from: W,
@@ -279,8 +280,8 @@ impl<V: Clone, W: Clone + PartialEq> MemoryStore<V, W> {
         self.folders.get(&key.folder)?.get(&key.name)
     }
 
-    /// Returns all entries whose key starts with a prefix, in the order of their keys: by folder, then by number, then
-    /// by name.
+    /// Returns all entries whose key starts with a prefix, by folder; within a folder numbered ones by number, then
+    /// named ones by name.
     pub fn with_prefix<'a>(&'a self, prefix: &'a Key) -> impl Iterator<Item = &'a Entry<V>> {
         let folders = self.folders.iter().filter(|(folder, _)| folder.starts_with(&*prefix.folder));
         folders.flat_map(|(_, folder)| folder.iter()).filter(|entry| entry.key.starts_with(prefix))

@@ -35,7 +35,7 @@ pub enum WireError {
         /// The missing part.
         part: &'static str,
     },
-    /// A part is repeated.
+    /// A part that may occur once is repeated; holds its name.
     #[error("`{0}` is given twice")]
     Twice(String),
     /// A value is invalid.
@@ -43,10 +43,10 @@ pub enum WireError {
     BadValue {
         /// The kind of value.
         what: &'static str,
-        /// The value, truncated.
+        /// The value, at most 80 characters of it.
         value: String,
     },
-    /// A text contains characters that the representation does not allow.
+    /// A text contains characters that the representation does not allow; says which text.
     #[error("{0} cannot be written in this form")]
     Unprintable(&'static str),
 }
