@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::{AclMessage, Action, AgentId, Key, StoreRequest, Ticket};
 
-/// The digest that identifies a blob, 32 bytes. The creator of the blob computes it; the bus does not verify it.
+/// The digest that identifies a blob, 32 bytes. Its creator computes it; readers verify it, the bus does not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct BlobId(pub [u8; 32]);
 

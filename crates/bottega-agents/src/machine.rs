@@ -37,7 +37,8 @@ pub enum Event<C, V, R> {
     Deadline,
 }
 
-/// An action requested by an agent. Nothing has happened when `handle` returns; the order is kept per receiver.
+/// An action requested by an agent. Nothing has happened when `handle` returns. The driver carries actions out in
+/// order, but on a network messages may overtake each other.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action<C, V, E> {
     /// Sends a message to each of its receivers. It may be lost: set a deadline if a reply is needed.
@@ -51,7 +52,7 @@ pub enum Action<C, V, E> {
     },
     /// Begins an effect outside the platform; its completion arrives as [`Event::Completed`].
     Effect(E),
-    /// Puts a message into a queue: exactly one agent that joined it gets the message. Its receivers are ignored.
+    /// Puts a message into a queue: one of the agents that joined it gets the message. Its receivers are ignored.
     Enqueue {
         /// The name of the queue.
         queue: Key,
@@ -80,8 +81,8 @@ pub trait StateMachine {
     /// Handles one event. Appends the requested actions, in order.
     fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut Vec<ActionOf<Self>>);
 
-    /// Returns the time of the next [`Event::Deadline`]; `None`: none. After a deadline was handled it must be later
-    /// than `now`, or the driver loops forever.
+    /// Returns the time of the next [`Event::Deadline`]; `None`: none. After such an event was handled it must be later
+    /// than `now`: otherwise the simulator panics, and the local platform sends the event again every millisecond.
     fn next_deadline(&self) -> Option<Time>;
 }
 

@@ -124,7 +124,7 @@ pub enum StoreReply<V> {
         /// The current entry; `None`: it does not exist.
         entry: Option<Entry<V>>,
     },
-    /// The new state of a watched entry.
+    /// The current or new state of a watched entry.
     Changed(Entry<V>),
     /// A watch has reported all entries that existed at its start.
     CaughtUp,

@@ -3,7 +3,8 @@
 //!
 //! All answer `fipa-request` messages with [`ManagementContent`]. Other performatives are not understood; a request
 //! that is unsupported, unauthorized or malformed is refused without any change; later errors are failures; otherwise
-//! the answer is an inform (FIPA00023). Their knowledge is in the store: see [`Service`].
+//! the answer is an inform (FIPA00023). Their knowledge is in the store, as entries that are called the platform's *pages*:
+//! see [`Service`].
 
 mod ams;
 mod ams_pages;
