@@ -81,9 +81,9 @@ pub struct Outbound {
 #[derive(Clone, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant, reason = "lives for a moment, and forwarding is as common as delivery")]
 pub enum Routed {
-    /// Put the message into the mailbox of an agent of this platform.
+    /// Put the message into the mailbox of an agent of this process.
     Deliver {
-        /// The receiving agent, of this platform.
+        /// The receiving agent, of this process.
         to: AgentId,
         /// The message, with its content.
         message: WireMessage,

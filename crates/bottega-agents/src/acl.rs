@@ -59,7 +59,7 @@ impl Performative {
         Self::Subscribe,
     ];
 
-    /// Returns the standard's name, in lower case.
+    /// Returns the name of the performative in the standard, in lower case, such as `cfp`.
     pub fn word(self) -> &'static str {
         match self {
             Self::AcceptProposal => "accept-proposal",
@@ -120,7 +120,7 @@ pub struct AclMessage<C = String> {
     pub protocol: &'static str,
     /// The number of the conversation, chosen by the agent that began it; 0: none.
     pub conversation_id: u64,
-    /// The `in_reply_to` of a reply; 0: none.
+    /// The number that a reply must have as its `in_reply_to`; 0: none.
     pub reply_with: u64,
     /// The `reply_with` of the message that this one replies to; 0: none.
     pub in_reply_to: u64,

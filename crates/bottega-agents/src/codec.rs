@@ -1,7 +1,7 @@
 //! The encoding of messages and store entries between processes of the same program. Each kind of agents gives the
 //! network a codec, so that the network does not depend on their contents.
 
-/// Version of the encoding. Processes with another version are refused with a reason when they join.
+/// Version of the encoding, the first byte of each message and entry. A process rejects those of another version.
 pub const WIRE_VERSION: u8 = 3;
 
 /// An encoder and decoder of the contents of messages and the values of entries. The bytes to decode come from other

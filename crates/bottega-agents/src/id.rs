@@ -9,7 +9,7 @@ use std::{fmt, sync::Arc};
 pub struct AgentId {
     /// The name: `local@platform`.
     pub name: Arc<str>,
-    /// Transport addresses in order of preference; empty within one platform.
+    /// Transport addresses in order of preference; empty where the name suffices, as within one platform.
     pub addresses: Arc<[String]>,
 }
 
@@ -19,8 +19,8 @@ impl AgentId {
         Self { name: name.into(), addresses: Arc::new([]) }
     }
 
-    /// Returns the platform in which it was created: the part after the last `@` of its name; the whole name without
-    /// one.
+    /// Returns the platform in which the agent was created: the part after the last `@` of its name; the whole name
+    /// without one.
     pub fn home(&self) -> &str {
         self.name.rsplit('@').next().unwrap_or(&self.name)
     }

@@ -92,7 +92,7 @@ pub type EventOf<M> = Event<<M as StateMachine>::Content, <M as StateMachine>::V
 /// The action type of a machine.
 pub type ActionOf<M> = Action<<M as StateMachine>::Content, <M as StateMachine>::Value, <M as StateMachine>::Effect>;
 
-/// A boxed machine, for several kinds of agents with one vocabulary.
+/// A boxed machine, for agents of several kinds with the same types of contents, values, effects and completions.
 pub type BoxedMachine<C, V, E, R> =
     Box<dyn StateMachine<Content = C, Value = V, Effect = E, Completion = R> + Send + 'static>;
 

@@ -19,19 +19,19 @@ pub fn is_known(language: &str) -> bool {
     LANGUAGES.iter().any(|known| known.eq_ignore_ascii_case(language))
 }
 
-/// A term or a proposition.
+/// A term or a proposition of SL.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Term {
     /// A word or a string.
     Text(String),
     /// A number, a date-time, a variable (`?x`), a key (`:x`), `true` or `false`: as written, without quotes.
     Bare(String),
-    /// A bracketed list.
+    /// A list of terms in brackets.
     List(Vec<Term>),
 }
 
 impl Term {
-    /// Makes a word or a string.
+    /// Makes the term of a word or a string.
     pub fn text(text: impl Into<String>) -> Self {
         Self::Text(text.into())
     }
@@ -41,7 +41,7 @@ impl Term {
         Self::List(std::iter::once(Self::text(head)).chain(arguments).collect())
     }
 
-    /// Makes a term of an integer.
+    /// Makes the term of an integer.
     pub fn integer(number: i64) -> Self {
         Self::Bare(number.to_string())
     }

@@ -18,11 +18,11 @@ use crate::{key::EntryName, number_map::NumberMap};
 pub struct Revision(pub u64);
 
 impl Revision {
-    /// The revision of an absent entry: expect it to create one.
+    /// The revision of an absent entry: a write that expects it creates the entry.
     pub const ABSENT: Self = Self(0);
 }
 
-/// Links a reply to its request. Chosen by the client; unique among its open requests.
+/// The number that links a reply to its request. Chosen by the client; unique among its open requests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Ticket(pub u64);
 
@@ -87,7 +87,7 @@ impl<V> StoreRequest<V> {
         }
     }
 
-    /// Returns the request with its value mapped.
+    /// Returns the request with its value, if it has one, replaced by `change` of it.
     pub fn map<T>(self, change: impl FnOnce(V) -> T) -> StoreRequest<T> {
         match self {
             Self::Get { key } => StoreRequest::Get { key },
@@ -133,7 +133,7 @@ pub enum StoreReply<V> {
 }
 
 impl<V> StoreReply<V> {
-    /// Returns the reply with its values mapped.
+    /// Returns the reply with its value, if it has one, replaced by `change` of it.
     pub fn map<T>(self, change: impl FnOnce(V) -> T) -> StoreReply<T> {
         let entry = |Entry { key, revision, value }: Entry<V>| Entry { key, revision, value: change(value) };
         match self {

@@ -69,7 +69,8 @@ pub struct NodeConfig {
     pub lease_max: Option<Duration>,
     /// Directories of other platforms, at which the DF registers, and which it asks in federated searches.
     pub federates: Vec<AgentId>,
-    /// Agents that may change all entries; messages from outside cannot use these names.
+    /// Agents of this platform that may change all entries of its directories; messages from outside cannot use these
+    /// names.
     pub administrators: Vec<AgentId>,
     /// Agents of other platforms that may change all entries. Their identity is not verified.
     pub trusted: Vec<AgentId>,
@@ -128,7 +129,7 @@ impl Ids {
 }
 
 impl Node {
-    /// Starts a platform.
+    /// Starts a platform with its services, gateway and transport. Returns it; it runs on threads of its own.
     ///
     /// - `listener`: the socket at which other platforms reach it.
     ///

@@ -69,7 +69,7 @@ pub enum Function {
     SearchAgents(AmsAgentDescription, SearchConstraints),
     /// AMS: end an agent. Graceful: it is requested to quit; else it is destroyed.
     TerminateAgent {
-        /// The name of the agent.
+        /// The agent to end.
         agent: AgentId,
         /// True if the agent may finish its work, or ignore the request.
         graceful: bool,
@@ -101,7 +101,7 @@ pub enum Outcome {
     Agents(Vec<AmsAgentDescription>),
     /// The offers of agents that a DF found.
     Offers(Vec<DfAgentDescription>),
-    /// The description of this platform.
+    /// The description of the platform, from its AMS.
     Platform(PlatformDescription),
     /// The service root: the descriptions of all basic services.
     ServiceRoot(Vec<ServiceEntry>),
@@ -301,7 +301,7 @@ pub(super) fn largest(object: &'static str, sizes: &[(&'static str, usize)]) -> 
 /// The reason why a function failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FailureReason {
-    /// The agent is already registered.
+    /// The agent, or the identifier of the basic service, is already registered.
     AlreadyRegistered,
     /// The agent is not registered.
     NotRegistered,

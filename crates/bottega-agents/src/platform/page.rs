@@ -42,12 +42,13 @@ pub struct Page<T> {
 }
 
 impl<T: Clone + PartialEq> Page<T> {
-    /// Makes an entry that does not exist yet.
+    /// Makes the page of an entry that does not exist; none is wanted yet.
     pub fn absent() -> Self {
         Self { wanted: None, known: Known::Absent, pending: None, again: Time::ZERO, renew: None }
     }
 
-    /// Makes an entry that another agent has created; its content is unknown.
+    /// Makes the page of an entry that another agent has created, with unknown content. Until [`Self::want`] is called
+    /// none is wanted, so that [`Self::next`] removes it.
     pub fn there() -> Self {
         Self { known: Known::There, ..Self::absent() }
     }

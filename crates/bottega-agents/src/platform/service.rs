@@ -34,9 +34,9 @@ pub type Said = AclMessage<ManagementContent>;
 /// The reason why a function has no result.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NoResult {
-    /// The function was refused.
+    /// The function was refused, for this reason.
     Refuse(RefuseReason),
-    /// The function failed.
+    /// The function has failed, for this reason.
     Failure(FailureReason),
 }
 

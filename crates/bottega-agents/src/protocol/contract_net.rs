@@ -11,7 +11,7 @@ const PROTOCOL: &str = "fipa-contract-net";
 /// Maximum number of open calls of a responder; further ones are refused.
 pub const RESPONSES_MAX: usize = 1024;
 
-/// A call for proposals.
+/// A call for proposals: a task, and the agents that may propose to carry it out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Call<C> {
     /// The agent that calls for proposals.

@@ -27,7 +27,7 @@ pub struct Envelope {
     pub payload_length: Option<u64>,
     /// Character set of the message; absent: ASCII.
     pub payload_encoding: Option<String>,
-    /// The date of sending.
+    /// The date-time of sending.
     pub date: Option<DateTime>,
     /// The receivers of this copy. Empty: all of `to`.
     pub intended_receivers: Vec<AgentId>,

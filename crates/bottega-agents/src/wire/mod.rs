@@ -84,7 +84,7 @@ pub struct WireMessage {
     pub protocol: Option<String>,
     /// The name of the conversation, chosen by the agent that began it.
     pub conversation_id: Option<String>,
-    /// The `in_reply_to` of a reply.
+    /// The text that a reply must have as its `in_reply_to`.
     pub reply_with: Option<String>,
     /// The `reply_with` of the message that this one replies to.
     pub in_reply_to: Option<String>,

@@ -56,7 +56,7 @@ where
 
     /// Starts threads like [`Self::new`], with a store that may be shared with other processes, or be persistent.
     ///
-    /// - `store`: identifies each agent by its [`Mailbox::number`].
+    /// - `store`: gets the [`Mailbox::number`] of the requesting agent as the client.
     ///
     /// # Errors
     /// A thread cannot be started.

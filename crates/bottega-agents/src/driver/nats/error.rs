@@ -10,7 +10,7 @@ pub enum NatsError {
     /// The server is unreachable, or does not accept the connection.
     #[error("cannot reach a NATS server at {servers}")]
     Connect {
-        /// The addresses tried.
+        /// The addresses tried, separated by commas.
         servers: String,
         /// The error of the NATS client.
         source: async_nats::ConnectError,

@@ -232,7 +232,7 @@ impl<K: Codec> NatsUplink<K> {
 
     /// Deletes all entries of the store below a prefix. Failure is only logged.
     ///
-    /// - `prefix`: ends with `/`; what follows its last `/` is not compared.
+    /// - `prefix`: ends with `/`. What follows its last `/` is not compared; without any `/` all entries are deleted.
     pub fn forget(&self, prefix: &Key) {
         self.handle.block_on(self.bucket.forget(prefix));
     }
