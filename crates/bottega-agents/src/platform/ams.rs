@@ -86,7 +86,7 @@ enum AmsTask {
 }
 
 impl Ams {
-    /// Makes an AMS that does not know the pages yet.
+    /// Makes an AMS that does not know the pages yet; its service reads them from the store.
     pub fn new(config: AmsConfig) -> Self {
         Self {
             config,

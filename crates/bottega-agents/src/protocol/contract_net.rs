@@ -26,7 +26,7 @@ pub struct Call<C> {
     pub ontology: &'static str,
     /// The number of the conversation, unique among the calls of the initiator.
     pub conversation_id: u64,
-    /// The deadline of proposals. An agent without a proposal by then has refused.
+    /// The deadline of proposals. An agent without a proposal by then counts as having refused.
     pub reply_by: Time,
 }
 

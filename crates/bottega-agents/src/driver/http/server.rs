@@ -45,8 +45,8 @@ pub struct HttpService {
     pub trace: broadcast::Sender<Arc<str>>,
 }
 
-/// Accepts connections of a listener until the future is dropped, and serves each in a task of its own, which then goes
-/// on to its end.
+/// Accepts connections of a listener until the future is dropped, and serves each in a task of its own, which the end
+/// of the future does not stop.
 pub async fn serve(listener: TcpListener, service: Arc<HttpService>) {
     let room = Arc::new(Semaphore::new(CONNECTIONS_MAX));
     let bodies = Arc::new(Semaphore::new(BODIES_KIB_MAX));
