@@ -112,7 +112,7 @@ pub enum Way {
     /// Discarded: a duplicate, a loop, a forgery, or a message without a sender.
     Dropped,
     /// Undeliverable: no address is known, the message cannot be written, or no address has accepted it; in the last
-    /// case the same message went [`Self::Out`] before.
+    /// case the same message went [`Way::Out`] before.
     Lost,
 }
 
