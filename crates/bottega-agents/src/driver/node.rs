@@ -69,8 +69,7 @@ pub struct NodeConfig {
     pub lease_max: Option<Duration>,
     /// Directories of other platforms, at which the DF registers, and which it asks in federated searches.
     pub federates: Vec<AgentId>,
-    /// Agents of this platform that may change all entries of its directories; messages from outside cannot use these
-    /// names.
+    /// Agents of this platform that may change all entries; messages from outside cannot use these names.
     pub administrators: Vec<AgentId>,
     /// Agents of other platforms that may change all entries. Their identity is not verified.
     pub trusted: Vec<AgentId>,
@@ -238,7 +237,6 @@ impl Node {
     /// agree does not count. Blocks until then. `None`: there was no answer in time.
     ///
     /// - `from`: the name of the sender, which no agent here may have or have had.
-    /// - `to`: the agent that is asked.
     /// - `wait`: the maximum time to the answer.
     ///
     /// # Errors

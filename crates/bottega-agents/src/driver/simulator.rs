@@ -99,7 +99,6 @@ where
     /// Makes a simulation without agents, at time zero.
     ///
     /// - `seed`: the seed of all randomness; the same seed gives the same run.
-    /// - `faults`: the faults of the network and their frequencies.
     /// - `world`: executes the agents' effects.
     pub fn new(seed: u64, faults: Faults, world: W) -> Self {
         let network = Network::new(seed, faults);
@@ -195,8 +194,7 @@ where
         &mut self.network
     }
 
-    /// Crashes an agent, which loses its memory. It stays down until [`Self::start`]. Does nothing if it is down or
-    /// unknown.
+    /// Crashes an agent, if it runs: it loses its memory, and stays down until [`Self::start`].
     pub fn crash(&mut self, id: &AgentId) {
         if let Some(node) = self.network.known(id) {
             self.end(node, "crashes");
