@@ -63,7 +63,8 @@ fn decode(charset: Option<&str>, bytes: &[u8]) -> Result<String, AccError> {
     }
 }
 
-/// A message to another platform, ready to send, with the addresses to try.
+/// A message to an agent of another platform, or of another process of this one, ready to send, with the addresses to
+/// try.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outbound {
     /// Addresses to try in order, until one accepts the message.
@@ -80,14 +81,14 @@ pub struct Outbound {
 #[derive(Clone, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant, reason = "lives for a moment, and forwarding is as common as delivery")]
 pub enum Routed {
-    /// Put the message into the mailbox of an agent of this platform.
+    /// Put the message into the mailbox of an agent of this process.
     Deliver {
-        /// The receiving agent, of this platform.
+        /// The receiving agent, of this process.
         to: AgentId,
         /// The message, with its content.
         message: WireMessage,
     },
-    /// Forward it to another platform.
+    /// Forward the message to another platform, or to another process of this one.
     Forward(Outbound),
 }
 
@@ -97,16 +98,17 @@ pub enum AccError {
     /// The message is invalid.
     #[error("the message cannot be read")]
     Message(#[source] WireError),
-    /// The representation is unknown.
+    /// The representation is unknown; holds its name, at most 80 characters.
     #[error("messages in the form `{0}` are not accepted")]
     UnknownForm(String),
-    /// The character set is unknown.
+    /// The character set is unknown; holds its name, at most 80 characters.
     #[error("messages in the character set `{0}` are not accepted")]
     UnknownCharset(String),
     /// The bytes are not valid in their character set.
     #[error("the message is not text in its character set")]
     NotText,
-    /// The message has passed this channel before: a loop or a duplicate.
+    /// The message has passed this channel before, or a copy of it did within the last five minutes: a loop or a
+    /// duplicate.
     #[error("the message has already passed this channel")]
     Loop,
 }
@@ -155,18 +157,20 @@ impl Acc {
         self.agents.insert(agent.name.to_lowercase(), agent);
     }
 
-    /// Removes an agent of this process.
+    /// Removes an agent of this process: messages to it are no longer delivered.
     pub fn remove(&mut self, agent: &AgentId) {
         self.agents.remove(&agent.name.to_lowercase());
     }
 
-    /// Returns the agent with this name in this process; `None`: it is not here.
+    /// Returns the agent with this name in this process, compared without case; `None`: it is not here.
     pub fn resident(&self, agent: &AgentId) -> Option<&AgentId> {
         self.agents.get(&agent.name.to_lowercase())
     }
 
-    /// Updates the address of the agent with this name from the white pages; `None`: it has no address in another
-    /// process.
+    /// Notes the addresses of an agent that is not in this process, as its entry in the white pages states them.
+    ///
+    /// - `name`: the name of the agent, compared without case.
+    /// - `agent`: its identifier with addresses; `None`: it has no address in another process.
     pub fn learn(&mut self, name: &str, agent: Option<AgentId>) {
         match agent {
             Some(agent) => _ = self.elsewhere.insert(name.to_lowercase(), agent),
@@ -179,11 +183,12 @@ impl Acc {
         self.addresses.first().unwrap_or(&self.platform)
     }
 
-    /// Returns the next step of a received message for each of its intended receivers, or else for each of `to`. An
-    /// unreachable receiver gives a failure message of the AMS to the sender.
+    /// Returns the next step of a received message for each of its intended receivers, or, if the envelope names none,
+    /// for each of `to`. For a receiver that cannot be reached the step is a failure message of the AMS to the sender,
+    /// as [`Self::failure`] makes it; where that returns `None` there is no step.
     ///
     /// # Errors
-    /// The message has passed this channel before.
+    /// [`AccError::Loop`]: the message has passed this channel before.
     pub fn receive(&mut self, now: Time, letter: &Letter) -> Result<Vec<Routed>, AccError> {
         let envelope = &letter.envelope;
         if envelope.received.iter().any(|stamp| stamp.by == self.mark()) || !self.is_new(now, letter) {
@@ -237,7 +242,7 @@ impl Acc {
     }
 
     /// Returns the addresses of an agent that is not in this process, without those of this channel; empty: none is
-    /// known.
+    /// known. The addresses in `agent` itself count only if it is of another platform.
     pub fn ways_to(&self, agent: &AgentId) -> Vec<String> {
         let known = self.elsewhere.get(&agent.name.to_lowercase()).map_or(&[][..], |known| &known.addresses);
         // Addresses in the name do not count for agents of this platform
@@ -251,7 +256,7 @@ impl Acc {
         ways
     }
 
-    /// Returns true if an agent belongs to this platform, by its name.
+    /// Returns true if the part of an agent's name after the last `@` is this platform, compared without case.
     pub fn is_ours(&self, agent: &AgentId) -> bool {
         agent.name.rsplit_once('@').is_some_and(|(_, platform)| platform.eq_ignore_ascii_case(&self.platform))
     }
@@ -269,12 +274,13 @@ impl Acc {
         copy
     }
 
-    /// Returns a message from an agent of this platform to one of another, with its envelope and the addresses to try.
+    /// Returns a message from an agent of this platform to one that is not in this process, with its envelope and the
+    /// addresses to try.
     ///
-    /// - `form`: the representation, such as [`STRING_FORM`].
+    /// - `form`: the representation: [`XML_FORM`]; any other name stands for [`STRING_FORM`].
     ///
     /// # Errors
-    /// The message cannot be written in this representation, or the receiver has no address.
+    /// The receiver has no known address, or the message cannot be written in this representation.
     pub fn dispatch(
         &self,
         now: Time,
@@ -329,7 +335,8 @@ impl Acc {
     }
 
     /// Returns the AMS's message to a sender that a receiver cannot be reached. `None`: the message is itself a failure
-    /// or a not-understood, to avoid endless replies, or the sender is unknown or has no address.
+    /// or a not-understood (to avoid endless replies), the sender is unknown or has no address, or the failure message
+    /// cannot be written in the representation.
     ///
     /// - `form`: the representation of the undelivered message, and of this one.
     /// - `from`: the sender in the envelope, if the message does not name one.
@@ -365,10 +372,10 @@ impl Acc {
     }
 }
 
-/// An error in sending a message to another platform.
+/// The reason why a message to another platform cannot be sent.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Undeliverable {
-    /// The receiver has no address.
+    /// No address of the receiver is known.
     #[error("the agent has no known address")]
     NoAddress,
     /// The message cannot be written in the representation.

@@ -33,7 +33,7 @@ pub enum Performative {
 }
 
 impl Performative {
-    /// All performatives, in the order of the standard's names.
+    /// All performatives, in the order of the variants.
     pub const ALL: [Self; 22] = [
         Self::AcceptProposal,
         Self::Agree,
@@ -59,7 +59,7 @@ impl Performative {
         Self::Subscribe,
     ];
 
-    /// Returns the standard's name, in lower case.
+    /// Returns the name of the performative in the standard, in lower case, such as `cfp`.
     pub fn word(self) -> &'static str {
         match self {
             Self::AcceptProposal => "accept-proposal",
@@ -100,26 +100,27 @@ impl fmt::Display for Performative {
     }
 }
 
-/// A message. `C` is its content: a type within one platform (where nothing is encoded), text on the wire.
+/// A message of the Agent Communication Language. `C` is the type of its content; messages with other platforms are
+/// translated to and from text, [`WireMessage`](crate::wire::WireMessage).
 #[derive(Clone, Debug, PartialEq)]
 pub struct AclMessage<C = String> {
     /// The communicative act.
     pub performative: Performative,
-    /// The name of the sender.
+    /// The agent that sends the message.
     pub sender: AgentId,
-    /// The names of the receivers.
+    /// The agents that the message is for.
     pub receivers: Vec<AgentId>,
-    /// The content: typed within a platform, text at its border.
+    /// The content, a value of the platform's own type.
     pub content: C,
-    /// The language of the content as text: `fipa-sl`, `bottega-json`, …
+    /// The language of the content: `fipa-sl0`, `bottega-typed`, …; empty: none is named.
     pub language: &'static str,
-    /// The ontology of the content.
+    /// The ontology of the content: `fipa-agent-management`, `bottega-farm`, …; empty: none is named.
     pub ontology: &'static str,
-    /// The interaction protocol: `fipa-contract-net`, `fipa-request`, `fipa-subscribe`, …
+    /// The interaction protocol: `fipa-contract-net`, `fipa-request`, `fipa-subscribe`, …; empty: none.
     pub protocol: &'static str,
-    /// Identifies the conversation.
+    /// The number of the conversation, chosen by the agent that began it; 0: none.
     pub conversation_id: u64,
-    /// The `in_reply_to` of a reply; 0: none.
+    /// The number that a reply must have as its `in_reply_to`; 0: none.
     pub reply_with: u64,
     /// The `reply_with` of the message that this one replies to; 0: none.
     pub in_reply_to: u64,
@@ -145,7 +146,8 @@ impl<C> AclMessage<C> {
         }
     }
 
-    /// Returns a reply of `from` to the sender: same conversation, protocol, language and ontology.
+    /// Returns a reply of `from` to the sender: same conversation, protocol, language and ontology, and `in_reply_to`
+    /// set to this message's `reply_with`.
     pub fn reply(&self, performative: Performative, from: AgentId, content: C) -> Self {
         Self {
             language: self.language,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::{AclMessage, Action, AgentId, Key, StoreRequest, Ticket};
 
-/// The digest that identifies a blob. Its creator computes it; readers verify it.
+/// The digest that identifies a blob, 32 bytes. Its creator computes it; readers verify it, the bus does not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct BlobId(pub [u8; 32]);
 
@@ -16,8 +16,9 @@ pub const BLOBS_MAX: usize = 1 << 20;
 
 /// A carrier of messages, store requests and blobs between agents.
 ///
-/// No method blocks. Results arrive as an [`Event`](crate::Event) in the mailbox of the requesting agent: a *request*
-/// is a message with `reply_by`, a *compare-and-set* is a [`StoreRequest`], and silence is a refusal.
+/// No method blocks for an answer. Results arrive as an [`Event`](crate::Event) in the mailbox of the requesting agent:
+/// messages that answer a message, replies of the store to a [`StoreRequest`]. Any of them may be missing, so an agent
+/// that waits for one sets a deadline.
 pub trait Bus {
     /// The content of messages.
     type Content;
@@ -27,10 +28,11 @@ pub trait Bus {
     /// Delivers the message to each of its receivers, or loses it.
     fn publish(&mut self, message: AclMessage<Self::Content>);
 
-    /// Delivers the message to one of the agents that joined the queue, in turn. It is kept while there is none.
+    /// Delivers the message to one of the agents that joined the queue, in turn. While there is none the queue keeps
+    /// it; a full queue drops its oldest message.
     fn enqueue(&mut self, queue: &Key, message: AclMessage<Self::Content>);
 
-    /// Adds an agent to a queue.
+    /// Adds an agent to a queue, which then gets the messages that waited for one.
     fn join(&mut self, queue: &Key, agent: &AgentId);
 
     /// Sends a request to the store: get, put, compare-and-set, watch. The replies carry `ticket`.

@@ -1,11 +1,11 @@
 //! The encoding of messages and store entries between processes of the same program. Each kind of agents gives the
 //! network a codec, so that the network does not depend on their contents.
 
-/// Version of the encoding. Processes with another version are refused with a reason when they join.
+/// Version of the encoding, the first byte of each message and entry. A process rejects those of another version.
 pub const WIRE_VERSION: u8 = 3;
 
-/// Encodes and decodes the contents of messages and the values of entries. Decoded bytes come from other processes and
-/// are validated.
+/// An encoder and decoder of the contents of messages and the values of entries. The bytes to decode come from other
+/// processes and are validated.
 pub trait Codec: Send + Sync + 'static {
     /// The content of messages.
     type Content: Send + 'static;
@@ -14,7 +14,8 @@ pub trait Codec: Send + Sync + 'static {
     /// The error for invalid bytes.
     type Error: std::error::Error + Send + Sync + 'static;
 
-    /// Returns all languages, ontologies and protocols of messages; the same in every process with this version.
+    /// Returns all languages, ontologies and protocols of messages, at most 255; the same in the same order in every
+    /// process with this version, because messages refer to them by index.
     fn words(&self) -> &'static [&'static str];
 
     /// Encodes a content and appends it to `bytes`.

@@ -10,18 +10,20 @@ use crate::{
     store::{AddressedStore, MemoryStore},
 };
 
-/// A store of watched entries, such as [`MemoryStore`].
+/// A store of watched entries, such as [`MemoryStore`]. `V` is the type of the values; `W` identifies a client.
 ///
 /// Replies to one client arrive in the order of the events: they never go back in time, neither for its own writes nor
 /// for those of others.
 pub trait EntryStore<V, W> {
-    /// Executes a request of `from` and appends the replies: first to the client, then to those that watch.
+    /// Executes a request of client `from` and appends the replies: the one to the client, and those to clients that
+    /// watch the written entry.
     fn handle(&mut self, from: W, ticket: Ticket, request: StoreRequest<V>, replies: &mut Vec<AddressedStore<V, W>>);
 
     /// Ends all watches of a client that is gone.
     fn forget(&mut self, who: &W);
 
-    /// Appends the changes by other processes, for those that watch. Called from time to time.
+    /// Appends reports of changes by other processes to those that watch. Drivers call it from time to time; by default
+    /// there are no other processes.
     fn poll(&mut self, _replies: &mut Vec<AddressedStore<V, W>>) {}
 }
 
@@ -35,7 +37,7 @@ impl<V: Clone, W: Clone + PartialEq> EntryStore<V, W> for MemoryStore<V, W> {
     }
 }
 
-/// A store shared by several drivers in one process, each with its own client numbers.
+/// A store in memory, shared by several drivers of one process, each with its own client numbers.
 #[derive(Debug)]
 pub struct SharedStore<V>(Arc<Mutex<StoreMembers<V>>>);
 

@@ -9,7 +9,7 @@ use std::{fmt, sync::Arc};
 pub struct AgentId {
     /// The name: `local@platform`.
     pub name: Arc<str>,
-    /// Transport addresses in order of preference; empty within one platform.
+    /// Transport addresses in order of preference; empty where the name suffices, as within one platform.
     pub addresses: Arc<[String]>,
 }
 
@@ -19,14 +19,15 @@ impl AgentId {
         Self { name: name.into(), addresses: Arc::new([]) }
     }
 
-    /// Returns the platform in which it was created: the part after the last `@` of its name; the whole name without
-    /// one.
+    /// Returns the platform in which the agent was created: the part after the last `@` of its name; the whole name
+    /// without one.
     pub fn home(&self) -> &str {
         self.name.rsplit('@').next().unwrap_or(&self.name)
     }
 }
 
-/// Returns the machine in the name of a process or agent: the part after the last `@`, up to the first full stop.
+/// Returns the machine in the name of a process or agent: the part after the last `@` (without one, the whole name), up
+/// to the first full stop, if it has one.
 pub fn machine_of(name: &str) -> &str {
     let process = name.rsplit_once('@').map_or(name, |(_, process)| process);
     process.split_once('.').map_or(process, |(machine, _)| machine)

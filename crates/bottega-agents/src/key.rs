@@ -32,7 +32,7 @@ impl Key {
         Self { folder: Arc::clone(folder), name: EntryName::Number(number) }
     }
 
-    /// Makes the key of a name in a folder.
+    /// Makes the key of a name in a folder. A name that contains `/` gives a key in a folder below.
     ///
     /// # Panics
     /// Unless `folder` ends with `/`.

@@ -27,7 +27,7 @@ pub enum Event<C, V, R> {
     /// An agent arrived, or was silent for so long that it counts as gone. This may be wrong: only a compare-and-set
     /// decides ownership. Sent to agents that requested it by [`Action::WatchPresence`].
     Presence {
-        /// The name of the agent.
+        /// The agent that arrived or is gone.
         agent: AgentId,
         /// True if the agent is present.
         present: bool,
@@ -37,7 +37,8 @@ pub enum Event<C, V, R> {
     Deadline,
 }
 
-/// An action requested by an agent. Nothing has happened when `handle` returns; the order is kept per receiver.
+/// An action requested by an agent. Nothing has happened when `handle` returns. The driver carries actions out in
+/// order, but on a network messages may overtake each other.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action<C, V, E> {
     /// Sends a message to each of its receivers. It may be lost: set a deadline if a reply is needed.
@@ -51,7 +52,7 @@ pub enum Action<C, V, E> {
     },
     /// Begins an effect outside the platform; its completion arrives as [`Event::Completed`].
     Effect(E),
-    /// Puts a message into a queue: exactly one agent that joined it gets the message. Its receivers are ignored.
+    /// Puts a message into a queue: one of the agents that joined it gets the message. Its receivers are ignored.
     Enqueue {
         /// The name of the queue.
         queue: Key,
@@ -80,8 +81,8 @@ pub trait StateMachine {
     /// Handles one event. Appends the requested actions, in order.
     fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut Vec<ActionOf<Self>>);
 
-    /// Returns the time of the next [`Event::Deadline`]; `None`: none. After a deadline was handled it must be later
-    /// than `now`, or the driver loops forever.
+    /// Returns the time of the next [`Event::Deadline`]; `None`: none. After such an event was handled it must be later
+    /// than `now`: otherwise the simulator panics, and the local platform sends the event again every millisecond.
     fn next_deadline(&self) -> Option<Time>;
 }
 
@@ -91,7 +92,7 @@ pub type EventOf<M> = Event<<M as StateMachine>::Content, <M as StateMachine>::V
 /// The action type of a machine.
 pub type ActionOf<M> = Action<<M as StateMachine>::Content, <M as StateMachine>::Value, <M as StateMachine>::Effect>;
 
-/// A boxed machine, for several kinds of agents with one vocabulary.
+/// A boxed machine, for agents of several kinds with the same types of contents, values, effects and completions.
 pub type BoxedMachine<C, V, E, R> =
     Box<dyn StateMachine<Content = C, Value = V, Effect = E, Completion = R> + Send + 'static>;
 

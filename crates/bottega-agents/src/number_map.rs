@@ -23,7 +23,7 @@ impl<V> Default for NumberMap<V> {
 }
 
 impl<V> NumberMap<V> {
-    /// Makes an empty map with room for 0, 1, … `count` − 1, inserted in any order.
+    /// Makes an empty map with room for the keys 0, 1, … `count` − 1, which may be inserted in any order.
     pub fn with_room_for(count: usize) -> Self {
         Self { dense: std::iter::repeat_with(|| None).take(count).collect(), ..Self::default() }
     }

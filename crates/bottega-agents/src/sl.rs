@@ -19,19 +19,19 @@ pub fn is_known(language: &str) -> bool {
     LANGUAGES.iter().any(|known| known.eq_ignore_ascii_case(language))
 }
 
-/// A term or a proposition.
+/// A term or a proposition of SL.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Term {
     /// A word or a string.
     Text(String),
     /// A number, a date-time, a variable (`?x`), a key (`:x`), `true` or `false`: as written, without quotes.
     Bare(String),
-    /// A bracketed list.
+    /// A list of terms in brackets.
     List(Vec<Term>),
 }
 
 impl Term {
-    /// Makes a word or a string.
+    /// Makes the term of a word or a string.
     pub fn text(text: impl Into<String>) -> Self {
         Self::Text(text.into())
     }
@@ -41,12 +41,12 @@ impl Term {
         Self::List(std::iter::once(Self::text(head)).chain(arguments).collect())
     }
 
-    /// Makes a term of an integer.
+    /// Makes the term of an integer.
     pub fn integer(number: i64) -> Self {
         Self::Bare(number.to_string())
     }
 
-    /// Returns the text of a word, a string, a number or a date-time; `None` for other terms.
+    /// Returns the text of a word, a string or a bare term, such as a number or a date-time; `None` for a list.
     pub fn as_str(&self) -> Option<&str> {
         match self {
             Self::Text(text) | Self::Bare(text) => Some(text),
@@ -80,7 +80,8 @@ impl Term {
 /// one, as some platforms write it.
 ///
 /// # Errors
-/// Brackets or strings are not closed, or a limit is exceeded.
+/// The text is empty, a bracket or a string is not closed, something follows the content, or a limit is exceeded:
+/// [`DEPTH_MAX`], [`TERMS_MAX`], or [`TEXT_BYTES_MAX`](crate::wire::TEXT_BYTES_MAX).
 pub fn parse(text: &str) -> Result<Vec<Term>, WireError> {
     let term = parse_term(text)?;
     match term {
@@ -91,7 +92,7 @@ pub fn parse(text: &str) -> Result<Vec<Term>, WireError> {
     }
 }
 
-/// Parses one term.
+/// Parses a text that consists of one term.
 ///
 /// # Errors
 /// As for [`parse`].
@@ -156,7 +157,7 @@ fn is_word_of_sl(text: &str) -> bool {
         && text.bytes().all(|byte| byte > b' ' && !matches!(byte, b'(' | b')' | b'"'))
 }
 
-/// Returns a content as text, which parses to the same terms.
+/// Returns a content as text. It parses to the same terms if the first one is a list, as expressions are.
 pub fn print(terms: &[Term]) -> String {
     let mut out = "(".to_owned();
     for (index, term) in terms.iter().enumerate() {
@@ -169,7 +170,7 @@ pub fn print(terms: &[Term]) -> String {
     out
 }
 
-/// Returns one term as text, which parses to the same term.
+/// Returns one term as text, which parses to the same term if its bare terms are as [`Term::Bare`] describes them.
 pub fn print_term(term: &Term) -> String {
     let mut out = String::new();
     push(&mut out, term);

@@ -18,11 +18,11 @@ use crate::{key::EntryName, number_map::NumberMap};
 pub struct Revision(pub u64);
 
 impl Revision {
-    /// The revision of an absent entry: expect it to create one.
+    /// The revision of an absent entry: a write that expects it creates the entry.
     pub const ABSENT: Self = Self(0);
 }
 
-/// Links a reply to its request. Chosen by the client; unique among its open requests.
+/// The number that links a reply to its request. Chosen by the client; unique among its open requests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Ticket(pub u64);
 
@@ -37,7 +37,7 @@ pub struct Entry<V> {
     pub value: V,
 }
 
-/// A request to the store.
+/// A request to the store. The answer to each may also be [`StoreReply::Unavailable`], and on a network it may be lost.
 #[derive(Clone, Debug, PartialEq)]
 pub enum StoreRequest<V> {
     /// Reads an entry; answered by [`StoreReply::Got`].
@@ -62,8 +62,8 @@ pub enum StoreRequest<V> {
         /// The new value.
         value: V,
     },
-    /// Reports all entries whose key starts with a prefix, then [`StoreReply::CaughtUp`], then every write to one of
-    /// them.
+    /// Reports all entries whose key starts with a prefix by [`StoreReply::Changed`], then [`StoreReply::CaughtUp`],
+    /// then every write to one of them. Replaces an earlier watch of the same client with the same ticket.
     Watch {
         /// The prefix of the keys.
         prefix: Key,
@@ -87,7 +87,7 @@ impl<V> StoreRequest<V> {
         }
     }
 
-    /// Returns the request with its value mapped.
+    /// Returns the request with its value, if it has one, replaced by `change` of it.
     pub fn map<T>(self, change: impl FnOnce(V) -> T) -> StoreRequest<T> {
         match self {
             Self::Get { key } => StoreRequest::Get { key },
@@ -121,10 +121,10 @@ pub enum StoreReply<V> {
     Conflict {
         /// The key of the entry.
         key: Key,
-        /// The current entry.
+        /// The current entry; `None`: it does not exist.
         entry: Option<Entry<V>>,
     },
-    /// The new state of a watched entry.
+    /// The current or new state of a watched entry.
     Changed(Entry<V>),
     /// A watch has reported all entries that existed at its start.
     CaughtUp,
@@ -133,7 +133,7 @@ pub enum StoreReply<V> {
 }
 
 impl<V> StoreReply<V> {
-    /// Returns the reply with its values mapped.
+    /// Returns the reply with its value, if it has one, replaced by `change` of it.
     pub fn map<T>(self, change: impl FnOnce(V) -> T) -> StoreReply<T> {
         let entry = |Entry { key, revision, value }: Entry<V>| Entry { key, revision, value: change(value) };
         match self {
@@ -147,7 +147,8 @@ impl<V> StoreReply<V> {
     }
 }
 
-/// A store in memory: used by drivers within one process, and the reference for all other stores.
+/// A store in memory: used by drivers within one process, and the reference for all other stores. `V` is the type of
+/// the values; `W` identifies a client.
 #[derive(Clone, Debug)]
 pub struct MemoryStore<V, W = ()> {
     folders: BTreeMap<Arc<str>, Folder<V>>,
@@ -222,7 +223,7 @@ impl<V, W: PartialEq> MemoryStore<V, W> {
 }
 
 impl<V: Clone, W: Clone + PartialEq> MemoryStore<V, W> {
-    /// Executes a request of `from` and appends the replies: first to the client, then to the watchers.
+    /// Executes a request of client `from` and appends the replies: first to the client, then to the watchers.
     pub fn handle(
         &mut self,
         from: W,
@@ -279,8 +280,8 @@ impl<V: Clone, W: Clone + PartialEq> MemoryStore<V, W> {
         self.folders.get(&key.folder)?.get(&key.name)
     }
 
-    /// Returns all entries whose key starts with a prefix, in the order of their keys: by folder, then by number, then
-    /// by name.
+    /// Returns all entries whose key starts with a prefix, by folder; within a folder numbered ones by number, then
+    /// named ones by name.
     pub fn with_prefix<'a>(&'a self, prefix: &'a Key) -> impl Iterator<Item = &'a Entry<V>> {
         let folders = self.folders.iter().filter(|(folder, _)| folder.starts_with(&*prefix.folder));
         folders.flat_map(|(_, folder)| folder.iter()).filter(|entry| entry.key.starts_with(prefix))

@@ -13,12 +13,12 @@ impl Time {
     /// The start of the platform.
     pub const ZERO: Self = Self(0);
 
-    /// Makes the moment this long after the start.
+    /// Makes the moment this long after the start of the platform.
     pub fn since_start(elapsed: Duration) -> Self {
         Self(u64::try_from(elapsed.as_nanos()).unwrap_or(u64::MAX))
     }
 
-    /// Returns the time since the start.
+    /// Returns the time since the start of the platform.
     pub fn elapsed(self) -> Duration {
         Duration::from_nanos(self.0)
     }

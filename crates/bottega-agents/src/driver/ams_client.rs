@@ -18,7 +18,7 @@ use crate::{
 const WAIT: Duration = Duration::from_secs(10);
 
 /// Executes a function of a platform's AMS on its pages, with the right to change all entries. Returns the answer;
-/// `None`: there was none within 20 seconds, for example because the store does not answer. Blocks meanwhile.
+/// `None`: there was none within 10 seconds, for example because the store does not answer. Blocks meanwhile.
 ///
 /// A request to an agent, such as to quit, is written into its entry; the AMS of the agent's process then sends it.
 ///

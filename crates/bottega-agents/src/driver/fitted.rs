@@ -8,7 +8,7 @@ use crate::{Action, ActionOf, BoxedMachine, Event, EventOf, StateMachine, Time, 
 /// An effect or report of an agent of a node, known only to that agent and its performer.
 pub type Anything = Box<dyn Any + Send>;
 
-/// An agent of a node, with its own effects and reports.
+/// The state machine of an agent of a node; its effects and reports may have any type.
 pub type NodeMachine = BoxedMachine<PlainContent, String, Anything, Anything>;
 
 /// Converts an effect or report to the agent's own type; always succeeds for its own.

@@ -18,10 +18,10 @@ use crate::{
     store::{AddressedStore, MemoryStore},
 };
 
-/// Time without a sign of life after which an agent counts as gone.
+/// Time without a sign of life after which an agent counts as gone in a simulation.
 pub const PRESENCE_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// Maximum number of planned events; further messages are lost.
+/// Maximum number of planned events of a simulation; while there are so many, messages are lost.
 pub const PLANNED_MAX: usize = 1 << 22;
 
 /// Interval of attempts to deliver ordered reports across a partition.
@@ -32,11 +32,11 @@ pub(super) const RETRY_AFTER: Duration = Duration::from_millis(50);
 pub struct Faults {
     /// Minimum latency of a message.
     pub latency_min: Duration,
-    /// Mean additional latency; a few messages take five times that, so that messages overtake each other.
+    /// Mean additional latency; a few messages take up to five times that, so that messages overtake each other.
     pub latency_extra_mean: Duration,
     /// Additional latency of store requests: a write is replicated before it is confirmed.
     pub store_latency: Duration,
-    /// Share of messages lost, 0..1.
+    /// Share of messages, of store requests, and of replies of the store that are lost, 0..1.
     pub loss: f64,
     /// Share of messages duplicated, 0..1.
     pub duplication: f64,
@@ -49,7 +49,7 @@ pub struct Faults {
     pub partition_every: Option<Duration>,
     /// Maximum duration of a partition.
     pub partition_max: Duration,
-    /// Time from which no more faults occur, so that a run can end. Latency remains.
+    /// Time from which no more faults begin, so that a run can end. Latency remains.
     pub until: Time,
 }
 

@@ -59,17 +59,17 @@ pub type TraceLine = fn(&Passage, Calendar) -> String;
 
 /// The configuration of a node: its names, its store, and the rights of other agents.
 pub struct NodeConfig {
-    /// The name of the platform: the part after `@` in the names of its agents.
+    /// The name of the platform, the part after `@` in the names of its agents: at most 200 letters, digits and `-._:`.
     pub name: String,
-    /// The public address as `host:port`, if it differs from that to listen on.
+    /// The public address as `host:port`; `None`: the address on which the node listens.
     pub public: Option<String>,
     /// The store of the services. Nodes with the same entries serve one platform.
     pub store: Box<dyn EntryStore<String, usize> + Send>,
     /// Maximum lease that the DF grants; `None`: any, including unlimited.
     pub lease_max: Option<Duration>,
-    /// Directories of other platforms for federated searches.
+    /// Directories of other platforms, at which the DF registers, and which it asks in federated searches.
     pub federates: Vec<AgentId>,
-    /// Agents that may change all entries; messages from outside cannot use these names.
+    /// Agents of this platform that may change all entries; messages from outside cannot use these names.
     pub administrators: Vec<AgentId>,
     /// Agents of other platforms that may change all entries. Their identity is not verified.
     pub trusted: Vec<AgentId>,
@@ -77,17 +77,17 @@ pub struct NodeConfig {
     pub permanent: Vec<AgentId>,
     /// Formats passing messages for the trace.
     pub trace_line: TraceLine,
-    /// The representation of first messages to other platforms.
+    /// The representations of messages to other platforms that do not answer one.
     pub first_forms: FirstForms,
 }
 
 /// An error in starting a node.
 #[derive(Debug, thiserror::Error)]
 pub enum NodeError {
-    /// A thread cannot be started.
+    /// The listener cannot be used, or a thread cannot be started.
     #[error("cannot start the platform")]
     Start(#[from] io::Error),
-    /// The name contains characters not allowed in names of agents.
+    /// The name is empty, longer than 200 bytes, or contains characters not allowed in names of agents.
     #[error("`{0}` cannot be the name of a platform: use letters, digits and `-._:`")]
     Name(String),
 }
@@ -128,7 +128,7 @@ impl Ids {
 }
 
 impl Node {
-    /// Starts a platform.
+    /// Starts a platform with its services, gateway and transport. Returns it; it runs on threads of its own.
     ///
     /// - `listener`: the socket at which other platforms reach it.
     ///
@@ -199,7 +199,7 @@ impl Node {
     /// ignored.
     ///
     /// # Errors
-    /// The name was used before.
+    /// The name was used by another agent, running or stopped.
     pub fn add<M>(&self, id: &AgentId, machine: M) -> Result<(), NameTaken>
     where
         M: StateMachine<Content = PlainContent, Value = String> + Send + 'static,
@@ -210,13 +210,13 @@ impl Node {
         self.add_worldly(id, machine, |_| {}).map(drop)
     }
 
-    /// Adds an agent that handles AMS requests itself and has effects. Returns the channel for the completions of its
-    /// effects.
+    /// Adds an agent that handles the requests of the AMS itself and has effects. Returns the channel for the
+    /// completions of its effects.
     ///
     /// - `perform`: begins an effect; must return quickly.
     ///
     /// # Errors
-    /// The name was used before.
+    /// The name was used by another agent, running or stopped.
     pub fn add_worldly<M>(
         &self,
         id: &AgentId,
@@ -236,11 +236,11 @@ impl Node {
     /// Sends a request to an agent of this or another platform, and returns performative and content of the answer; an
     /// agree does not count. Blocks until then. `None`: there was no answer in time.
     ///
-    /// - `from`: the name of the sender, which must not exist here.
+    /// - `from`: the name of the sender, which no agent here may have or have had.
     /// - `wait`: the maximum time to the answer.
     ///
     /// # Errors
-    /// The name `from` was used before.
+    /// The name `from` was used by another agent, running or stopped.
     pub fn ask(
         &self,
         from: &AgentId,
@@ -264,7 +264,8 @@ impl Node {
         self.platform.bus().publish(AclMessage { ontology: ONTOLOGY, protocol: "fipa-request", ..message });
     }
 
-    /// Subscribes to the trace of passing messages. The returned channel gets a line per message.
+    /// Subscribes to the trace of passing messages. The returned channel gets a line per message; a slow reader misses
+    /// lines.
     pub fn trace(&self) -> broadcast::Receiver<Arc<str>> {
         self.trace.subscribe()
     }

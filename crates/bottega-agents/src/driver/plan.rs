@@ -8,13 +8,13 @@ use std::{
 
 use crate::{AclMessage, EventOf, StateMachine, StoreReply, StoreRequest, Ticket, Time};
 
-/// Time without a reply after which the store counts as unavailable.
+/// Time without a reply after which the store counts as unavailable in a simulation.
 pub const STORE_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Number of sorted queues for events, so that most are added in order.
 const LANES: usize = 4;
 
-/// The index of an agent in the simulation; kept over all its lives.
+/// The index of an agent in a simulation; kept over all its lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct NodeId(pub(super) u32);
 

@@ -40,12 +40,12 @@ pub trait World<M: StateMachine> {
         None
     }
 
-    /// Executes the event announced by [`Self::next_change`].
+    /// Executes the event announced by [`Self::next_change`], whose next one must be later.
     ///
     /// - `_reports`: gets completions, each with the agent that receives it.
     fn change(&mut self, _now: Time, _reports: &mut Vec<(AgentId, M::Completion)>) {}
 
-    /// Notes that an agent has crashed, stopped or been removed: its effects are useless.
+    /// Notes that an agent has crashed, stopped or been removed: completions of its effects are lost.
     fn gone(&mut self, _now: Time, _agent: &AgentId) {}
 }
 
@@ -77,7 +77,7 @@ struct SimulatedAgent<M> {
     timer: Option<Time>,
 }
 
-/// A simulator of state machines in virtual time.
+/// A simulator of the state machines `M` in virtual time; their effects are executed by the [`World`] `W`.
 pub struct Simulator<M: StateMachine, W> {
     /// By [`NodeId`]. `None`: never added, or retired.
     nodes: Vec<Option<SimulatedAgent<M>>>,
@@ -96,10 +96,9 @@ where
     M::Content: Clone,
     M::Value: Clone,
 {
-    /// Makes an empty platform.
+    /// Makes a simulation without agents, at time zero.
     ///
     /// - `seed`: the seed of all randomness; the same seed gives the same run.
-    /// - `faults`: the faults of the network and their frequencies.
     /// - `world`: executes the agents' effects.
     pub fn new(seed: u64, faults: Faults, world: W) -> Self {
         let network = Network::new(seed, faults);
@@ -165,7 +164,7 @@ where
         self.node(self.network.known(id)?)?.machine.as_ref()
     }
 
-    /// Returns the store of the simulated platform.
+    /// Returns the store of the simulated platform; its clients are identified by [`NodeId`].
     pub fn store(&self) -> &MemoryStore<M::Value, NodeId> {
         &self.network.store
     }
@@ -180,7 +179,7 @@ where
         &mut self.world
     }
 
-    /// Returns the number of messages sent, per receiver, including lost ones.
+    /// Returns the number of messages sent so far, counted once per receiver, including lost ones.
     pub fn message_count(&self) -> u64 {
         self.network.message_count
     }
@@ -195,14 +194,14 @@ where
         &mut self.network
     }
 
-    /// Crashes an agent, which loses its memory. It stays down until [`Self::start`].
+    /// Crashes an agent, if it runs: it loses its memory, and stays down until [`Self::start`].
     pub fn crash(&mut self, id: &AgentId) {
         if let Some(node) = self.network.known(id) {
             self.end(node, "crashes");
         }
     }
 
-    /// Removes an agent permanently; its name may be added again.
+    /// Removes an agent permanently; its name may be added again. Does nothing if it is unknown.
     pub fn retire(&mut self, id: &AgentId) {
         let Some(node) = self.network.known(id) else { return };
         self.end(node, "is gone");
@@ -221,7 +220,7 @@ where
         self.world.gone(self.network.now, self.network.name(id));
     }
 
-    /// Restarts a crashed agent, without memory. Does nothing if it runs or is unknown.
+    /// Starts an agent that is down, without memory. Does nothing if it runs or is unknown.
     pub fn start(&mut self, id: &AgentId) {
         if let Some(node) = self.network.known(id) {
             self.begin(node);
@@ -239,7 +238,8 @@ where
         self.feed(id, Event::Start);
     }
 
-    /// Separates these agents from all others and from the store, until [`Self::heal`].
+    /// Separates these agents from all others and from the store, until [`Self::heal`] or a partition by the faults;
+    /// replaces an earlier partition.
     pub fn cut_off(&mut self, agents: impl IntoIterator<Item = AgentId>) {
         let parted = agents.into_iter().map(|agent| self.network.node(&agent)).collect();
         self.part(parted);
@@ -265,6 +265,10 @@ where
 
     /// Runs while `going_on` returns true, at most until `end` or until no events are left. Returns true if `going_on`
     /// stopped it.
+    ///
+    /// # Panics
+    /// If a machine has handled a deadline and names one that is not later, or the world does after an event of its
+    /// own.
     pub fn run_while(&mut self, end: Time, mut going_on: impl FnMut(&Self) -> bool) -> bool {
         while going_on(self) {
             let change = self.world.next_change().filter(|&at| at <= end);
@@ -293,6 +297,9 @@ where
     }
 
     /// Runs all events up to `end`, which is the current time afterwards.
+    ///
+    /// # Panics
+    /// As for [`Self::run_while`].
     pub fn run_until(&mut self, end: Time) {
         self.run_while(end, |_| true);
         self.network.now = self.network.now.max(end);

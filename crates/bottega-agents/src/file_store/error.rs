@@ -6,7 +6,7 @@ pub enum FileStoreError {
     /// The file cannot be read or written.
     #[error("cannot use the file of the store")]
     Io(#[from] std::io::Error),
-    /// The file is not a store, or of another version.
+    /// The file is not a store, or is one of another version.
     #[error("this is not the file of a store, or it has another version")]
     Magic,
     /// The key, the value or all entries together exceed the store's limit in bytes, or the key is empty.

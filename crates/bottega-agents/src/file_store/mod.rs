@@ -27,7 +27,8 @@ const COMPACT_RATIO: u64 = 4;
 /// Maximum length of a record without key and value, in bytes.
 const RECORD_BYTES: u64 = 36;
 
-/// A store in a file. `V` is a text type, `W` identifies clients.
+/// A store in a file. `V` is a text type, `W` identifies clients. A write that fails or exceeds a limit of this module
+/// is answered by [`StoreReply::Unavailable`].
 #[derive(Debug)]
 pub struct FileStore<V, W> {
     log: RecordLog,
@@ -43,10 +44,11 @@ where
     V: Clone + From<String> + AsRef<str>,
     W: Clone + PartialEq,
 {
-    /// Opens a store, or creates one.
+    /// Opens the store in the file `path`, or creates it; beside it a file whose name has `.lock` appended serves as
+    /// the lock. Blocks while another process holds the lock.
     ///
     /// # Errors
-    /// The file is inaccessible, or is not a store.
+    /// The file or its lock is inaccessible, or the file is not a store of this version.
     pub fn open(path: &Path) -> Result<Self, FileStoreError> {
         let log = RecordLog::open(path)?;
         let mut store =
@@ -60,7 +62,7 @@ where
         self.entries.get(key)
     }
 
-    /// Returns the length of the log, in bytes.
+    /// Returns the length of the log that this process has read, in bytes.
     pub fn log_bytes(&self) -> u64 {
         self.log.bytes()
     }

@@ -7,12 +7,15 @@ use crate::{AgentId, wire::Form};
 /// Maximum number of platforms whose representation is remembered; the oldest are dropped.
 const REMEMBERED_MAX: usize = 1 << 12;
 
-/// The representation of the first message to each platform. Answers use that of the message they answer.
+/// The representations of messages to other platforms that do not answer one. An answer has the representation of the
+/// message that it answers.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct FirstForms {
-    /// The representation for all other platforms.
+    /// The representation for a platform that is not in `by_platform` and has sent no message yet. One that has sent
+    /// messages gets the representation of its last one.
     pub default: Form,
-    /// By name of the platform; overrides what the platform itself uses.
+    /// The representation by name of the platform, compared without case; overrides the one that the platform itself
+    /// uses.
     pub by_platform: BTreeMap<String, Form>,
 }
 

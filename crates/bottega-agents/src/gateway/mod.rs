@@ -30,12 +30,13 @@ use crate::{
 
 /// A content type that can carry foreign messages as text.
 pub trait CarriesForeign: CarriesManagement {
-    /// Returns a foreign message as content. `None`: agents of this platform do not accept it, and the sender gets a
-    /// not-understood.
+    /// Returns a foreign message as content. `None`: agents of this platform do not accept it; the sender gets a
+    /// not-understood, unless the message is an answer.
     fn from_foreign(message: WireMessage) -> Option<Self>;
 
-    /// Returns the text for a foreign agent; `None`: the content is not foreign. Content, language, ontology, encoding
-    /// and user-defined parameters are taken from it; the rest from the message around it.
+    /// Returns the message as text for a foreign agent; `None`: the content is not foreign. Content and user-defined
+    /// parameters are taken from it; so are language, ontology, encoding and protocol where it sets them. The rest is
+    /// taken from the message around it.
     fn foreign(&self) -> Option<&WireMessage>;
 }
 
@@ -80,7 +81,8 @@ impl CarriesForeign for PlainContent {
 /// An effect that a gateway requests from its transport.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ChannelEffect {
-    /// Send this to another platform. Failure is reported by [`ChannelReport::Failed`].
+    /// Send this message to the first of its addresses that accepts it. Failure is reported by
+    /// [`ChannelReport::Failed`].
     Send(Box<Outbound>),
     /// The gateway has handled a message; for observers.
     Passed(Passage),
@@ -95,7 +97,7 @@ pub enum ChannelReport {
     Failed {
         /// The message that could not be sent.
         outbound: Box<Outbound>,
-        /// The error at the last address.
+        /// The error at the last address, or the reason why none was tried.
         reason: String,
     },
 }
@@ -103,21 +105,22 @@ pub enum ChannelReport {
 /// The way of a message through the gateway.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
-    /// To an agent of this platform.
+    /// To an agent of this process.
     In,
-    /// To another platform.
+    /// To another platform, or to another process of this one.
     Out,
-    /// Discarded: a duplicate, a loop, or a forgery.
+    /// Discarded: a duplicate, a loop, a forgery, or a message without a sender.
     Dropped,
-    /// To another platform, but undeliverable.
+    /// Undeliverable: no address is known, the message cannot be written, or no address has accepted it; in the last
+    /// case the same message went [`Way::Out`] before.
     Lost,
 }
 
 impl Way {
-    /// All ways, in the order of their declaration.
+    /// All ways, in the order of the variants.
     pub const ALL: [Self; 4] = [Self::In, Self::Out, Self::Dropped, Self::Lost];
 
-    /// Returns the name of the way, such as `in`: in the JSON lines of a trace.
+    /// Returns the name of the way in the JSON lines of a trace, such as `in`.
     pub fn word(self) -> &'static str {
         match self {
             Self::In => "in",
@@ -144,25 +147,29 @@ pub struct Passage {
 /// The configuration of a gateway: the names and addresses of its platform.
 #[derive(Clone, Debug)]
 pub struct GatewayConfig {
-    /// The gateway's own id.
+    /// The identifier of the gateway itself.
     pub id: AgentId,
     /// The name of the platform.
     pub platform: String,
-    /// The addresses of this process.
+    /// The transport addresses at which other platforms reach this process.
     pub addresses: Vec<String>,
-    /// The calendar of the platform.
+    /// The conversion between the platform's time and dates in messages.
     pub calendar: Calendar,
     /// The services of the platform: they understand agent management only.
     pub services: Vec<AgentId>,
-    /// Names that messages from outside must not use as sender.
+    /// Agents of the platform that may change all entries of its directories: messages from outside with such a sender
+    /// are dropped.
     pub administrators: Vec<AgentId>,
-    /// Number that makes the names of the gateway's conversations differ from those of other processes.
+    /// A secret number. It makes the names of the gateway's conversations differ from those of other processes, and the
+    /// digests by which duplicates are detected unpredictable.
     pub salt: u64,
-    /// The representation of first messages to other platforms.
+    /// The representations of messages to other platforms that do not answer one.
     pub first_forms: FirstForms,
 }
 
 /// The gateway between the agents of a platform and foreign agents. See the [module](self).
+///
+/// `C` is the content of the platform's messages, `V` the type of the texts in its store.
 pub struct Gateway<C, V>
 where
     C: CarriesForeign,
@@ -212,7 +219,8 @@ where
     C: CarriesForeign,
     V: From<String> + AsRef<str>,
 {
-    /// Makes the gateway of a platform, before its start.
+    /// Makes the gateway of a platform. At [`Event::Start`] it begins to read the white pages and its conversations
+    /// from the store; messages wait until they are known.
     pub fn new(config: GatewayConfig) -> Self {
         let acc = Acc::new(config.platform.clone(), config.addresses.clone(), config.calendar, config.salt);
         Self {

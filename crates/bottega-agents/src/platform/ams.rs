@@ -23,7 +23,7 @@ pub const AGENTS_MAX: usize = 1 << 16;
 /// Maximum number of processes that serve one platform.
 pub const NODES_MAX: usize = 64;
 
-/// The transport type in the platform's description.
+/// The name of FIPA's transport over HTTP, as in the platform's description.
 pub const HTTP_TRANSPORT: &str = "fipa.mts.mtp.http.std";
 
 /// Time after which a failed write is repeated.
@@ -32,7 +32,7 @@ const LOOK_AGAIN_AFTER: Duration = Duration::from_secs(2);
 /// The configuration of an AMS: its platform, and the agents with special rights.
 #[derive(Clone, Debug)]
 pub struct AmsConfig {
-    /// The AMS's own id.
+    /// The identifier of the AMS itself.
     pub id: AgentId,
     /// The name of the platform.
     pub platform: String,
@@ -40,15 +40,15 @@ pub struct AmsConfig {
     pub services: Vec<AgentId>,
     /// Agents that may change all entries.
     pub administrators: Vec<AgentId>,
-    /// Addresses of this process for other platforms; entered in the pages for all processes of the platform.
+    /// Transport addresses of this process for other platforms; entered in the pages for all processes of the platform.
     pub addresses: Vec<String>,
     /// `true`: agents that start in this process are registered automatically.
     pub enters_residents: bool,
-    /// Agents that [`Self::enters_residents`] does not register: they exist briefly, while the process ends.
+    /// Agents that [`Self::enters_residents`] does not register, because they exist only briefly.
     pub unlisted: Vec<AgentId>,
 }
 
-/// The white pages of a platform.
+/// The white pages of a platform: the functions of its AMS.
 ///
 /// An agent may register, modify and deregister itself; `administrators` may do that for all. The AMS of an agent's
 /// process sends it the requests in its entry, regardless of their author.
@@ -86,7 +86,7 @@ enum AmsTask {
 }
 
 impl Ams {
-    /// Makes an AMS that does not know the pages yet.
+    /// Makes an AMS that does not know the pages yet; its service reads them from the store.
     pub fn new(config: AmsConfig) -> Self {
         Self {
             config,
@@ -101,7 +101,7 @@ impl Ams {
         }
     }
 
-    /// Returns the life-cycle state of an agent; `None`: it is not in the pages, or has ended.
+    /// Returns the life-cycle state of an agent; `None`: it is not in the pages, or was destroyed.
     pub fn state(&self, agent: &AgentId) -> Option<LifeCycleState> {
         self.agents.get(&index(agent)).filter(|entry| !entry.is_gone()).map(AmsEntry::state)
     }
@@ -214,7 +214,7 @@ impl Ams {
         all.into_iter().cloned().collect()
     }
 
-    /// Returns the description of the platform, with all processes that serve it.
+    /// Returns the description of the platform: its name, and the transport addresses of all processes that serve it.
     pub fn platform(&self) -> PlatformDescription {
         let transport = ServiceEntry {
             id: HTTP_TRANSPORT.to_owned(),
@@ -443,7 +443,8 @@ impl Ams {
         }
     }
 
-    /// Returns the key of the entry of the process with this address; without the entry no agents are created there.
+    /// Returns the key of the entry that says that the process with this address serves the platform. An entry with
+    /// empty text says that it does not any more.
     pub fn node_key(address: &str) -> String {
         format!("{NODE}{address}")
     }

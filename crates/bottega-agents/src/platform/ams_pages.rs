@@ -56,7 +56,8 @@ impl AmsEntry {
     }
 }
 
-/// Returns the agent in an entry of the white pages; `None`: there is none, or it is gone.
+/// Returns the agent in the text of an entry of the white pages; `None`: the text is not a valid entry, or the agent
+/// was destroyed.
 pub fn read_white_page(text: &str) -> Option<AmsAgentDescription> {
     AmsEntry::parse(text).filter(|entry| !entry.is_gone()).map(|entry| entry.description)
 }
@@ -68,14 +69,14 @@ pub enum AmsPages<'a> {
     Agent {
         /// The agent's name in lower case.
         name: &'a str,
-        /// The agent's identifier with addresses; `None`: the agent is gone.
+        /// The agent's identifier with addresses; `None`: the agent is gone, or its entry is invalid.
         agent: Option<AgentId>,
     },
     /// A process that serves the platform.
     Node {
         /// The address of the process.
         address: &'a str,
-        /// True if the process serves.
+        /// True if the process serves the platform; false if it has ended.
         present: bool,
     },
 }

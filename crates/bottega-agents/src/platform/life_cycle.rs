@@ -25,7 +25,7 @@ pub enum Transition {
 }
 
 impl LifeCycleState {
-    /// All states, in the order of their declaration.
+    /// All states, in the order of the variants.
     pub const ALL: [Self; 5] = [Self::Initiated, Self::Active, Self::Suspended, Self::Waiting, Self::Transit];
 
     /// Returns the state's name in the standard, in lower case.

@@ -22,7 +22,7 @@ impl CarriesManagement for ManagementContent {
     }
 }
 
-/// The content of a message to or from a platform service.
+/// The content of a message to or from a platform service, such as a request to it or its answer.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ManagementContent {
     /// In a request: the requested function.
@@ -49,7 +49,7 @@ pub enum ManagementContent {
     Cancel,
     /// In a failure from an AMS: a message did not reach a receiver.
     Undelivered {
-        /// The name of the receiver.
+        /// The agent that the message did not reach.
         receiver: AgentId,
         /// The reason, as text for the user.
         reason: String,
@@ -69,7 +69,7 @@ pub enum Function {
     SearchAgents(AmsAgentDescription, SearchConstraints),
     /// AMS: end an agent. Graceful: it is requested to quit; else it is destroyed.
     TerminateAgent {
-        /// The name of the agent.
+        /// The agent to end.
         agent: AgentId,
         /// True if the agent may finish its work, or ignore the request.
         graceful: bool,
@@ -101,7 +101,7 @@ pub enum Outcome {
     Agents(Vec<AmsAgentDescription>),
     /// The offers of agents that a DF found.
     Offers(Vec<DfAgentDescription>),
-    /// The description of this platform.
+    /// The description of the platform, from its AMS.
     Platform(PlatformDescription),
     /// The service root: the descriptions of all basic services.
     ServiceRoot(Vec<ServiceEntry>),
@@ -125,7 +125,7 @@ impl Function {
 }
 
 impl LifeCycleRequest {
-    /// All requests, in the order of their declaration.
+    /// All requests, in the order of the variants.
     pub const ALL: [Self; 4] = [Self::Suspend, Self::Resume, Self::Quit, Self::Destroy];
 
     /// Returns the request's name in the ontology.
@@ -176,9 +176,9 @@ pub struct DfAgentDescription {
     pub ontologies: Vec<String>,
     /// The names of the content languages that the agent understands.
     pub languages: Vec<String>,
-    /// The time at which the entry expires. `None`: never.
+    /// The time at which the entry expires. `None`: never, or in a request: when the DF decides.
     pub lease_time: Option<Time>,
-    /// The visibility: `global`, or `local` to this platform.
+    /// The visibility: `global`, or `local` to this platform; empty: global.
     pub scope: Vec<String>,
 }
 
@@ -241,7 +241,7 @@ pub struct ServiceEntry {
     pub addresses: Vec<String>,
 }
 
-/// The name of a function, an object or a parameter.
+/// The name of a function, an object or a parameter of the ontology.
 pub type Name = Cow<'static, str>;
 
 /// The reason why a message was not understood.
@@ -301,7 +301,7 @@ pub(super) fn largest(object: &'static str, sizes: &[(&'static str, usize)]) -> 
 /// The reason why a function failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FailureReason {
-    /// The agent is already registered.
+    /// The agent, or the identifier of the basic service, is already registered.
     AlreadyRegistered,
     /// The agent is not registered.
     NotRegistered,

@@ -1,9 +1,10 @@
 //! The services of a FIPA platform: Start Service, Agent Management System and Directory Facilitator; and the life
 //! cycle of agents.
 //!
-//! All answer `fipa-request` messages with [`ManagementContent`]. Other performatives are not understood; a request
-//! that is unsupported, unauthorized or malformed is refused without any change; later errors are failures; otherwise
-//! the answer is an inform (FIPA00023). Their knowledge is in the store: see [`Service`].
+//! All answer `fipa-request` messages with [`ManagementContent`]; the DF also answers subscriptions. Other performatives
+//! are not understood; a request that is unsupported, unauthorized or malformed is refused without any change; later
+//! errors are failures; otherwise the answer is an inform (FIPA00023). The knowledge of the services is in the store, as
+//! entries that are called the platform's *pages*: see [`Service`].
 
 mod ams;
 mod ams_pages;

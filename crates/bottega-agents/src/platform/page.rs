@@ -42,12 +42,13 @@ pub struct Page<T> {
 }
 
 impl<T: Clone + PartialEq> Page<T> {
-    /// Makes an entry that does not exist yet.
+    /// Makes the page of an entry that does not exist; none is wanted yet.
     pub fn absent() -> Self {
         Self { wanted: None, known: Known::Absent, pending: None, again: Time::ZERO, renew: None }
     }
 
-    /// Makes an entry that another agent has created.
+    /// Makes the page of an entry that another agent has created, with unknown content. Until [`Self::want`] is called
+    /// none is wanted, so that [`Self::next`] removes it.
     pub fn there() -> Self {
         Self { known: Known::There, ..Self::absent() }
     }
@@ -76,8 +77,8 @@ impl<T: Clone + PartialEq> Page<T> {
         }
     }
 
-    /// Returns the request to send at `now`; `None`: there is none. The request is open until its answer, which refers
-    /// to `number`, or until some time has passed.
+    /// Returns the request to send at `now`; `None`: there is none. The request is open until an answer that refers to
+    /// `number`, or until it is repeated, at the earliest after 1 s.
     pub fn next(&mut self, now: Time, number: u64) -> Option<PageAsk<T>> {
         let renews = self.renew.is_some_and(|at| at <= now) && self.wanted.is_some();
         if now < self.again || !(self.is_due() || renews) {
@@ -117,13 +118,18 @@ impl<T: Clone + PartialEq> Page<T> {
         None
     }
 
-    /// Returns the time at which [`Self::next`] has a request; `None`: only after a change.
+    /// Returns the time at which [`Self::next`] has a request; `None`: it has none until the entry is changed or
+    /// something else is wanted.
     pub fn next_deadline(&self) -> Option<Time> {
         if self.is_due() { Some(self.again) } else { self.renew.filter(|_| self.wanted.is_some()) }
     }
 }
 
-/// Makes a request from an agent to a directory, to perform `function`. `number` identifies the conversation.
+/// Makes the message by which an agent requests a function of a directory.
+///
+/// - `number`: identifies the conversation; the answer refers to it.
+/// - `from`: the agent that requests.
+/// - `to`: the directory.
 pub fn directory_request<C: CarriesManagement>(
     number: u64,
     from: &AgentId,

@@ -34,9 +34,9 @@ pub type Said = AclMessage<ManagementContent>;
 /// The reason why a function has no result.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NoResult {
-    /// The function was refused.
+    /// The function was refused, for this reason.
     Refuse(RefuseReason),
-    /// The function failed.
+    /// The function has failed, for this reason.
     Failure(FailureReason),
 }
 
@@ -52,7 +52,7 @@ impl From<FailureReason> for NoResult {
     }
 }
 
-/// A change of an entry, conditional on its known revision.
+/// A change of an entry, written only if the entry still has the revision that the service knows.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Change {
     /// The key of the entry.
@@ -88,7 +88,7 @@ pub trait Functions {
     /// Maximum length of an entry's text, in bytes.
     const ENTRY_BYTES_MAX: usize = ENTRY_BYTES_MAX;
 
-    /// Takes in the current text of an entry, and its revision; empty: the entry was removed.
+    /// Takes in the current text of an entry, and its revision. Empty text: the entry was removed.
     fn learn(&mut self, now: Time, key: &str, revision: Revision, text: &str, todo: &mut ServiceOutbox);
 
     /// Returns the next step of a function requested by `request`. May be called again for the same request if the
@@ -109,7 +109,7 @@ pub trait Functions {
     /// Returns the refusal of a function whose entry is longer than [`Self::ENTRY_BYTES_MAX`].
     fn too_large(&self, function: &Function) -> RefuseReason;
 
-    /// Returns the entry on which the function's outcome depends; `None`: it is not a single one.
+    /// Returns the key of the entry on which the function's outcome depends; `None`: it is not a single one.
     fn entry_of(&self, _function: &Function) -> Option<Key> {
         None
     }
@@ -119,16 +119,17 @@ pub trait Functions {
         false
     }
 
-    /// Notes that an agent arrived in this process or left it.
+    /// Notes that an agent is present in this process (`_present`), or has left it.
     fn presence(&mut self, _now: Time, _agent: &AgentId, _present: bool, _todo: &mut ServiceOutbox) {}
 
-    /// Notes that a change of this service was written, or failed because the entry had another revision.
+    /// Notes that a change of this service was written, or was not: because the entry had another revision, or the
+    /// store did not confirm it.
     ///
     /// - `_mark`: that of the change in [`ServiceOutbox::writes`].
     /// - `_made`: true if it was written.
     fn settled(&mut self, _now: Time, _mark: u64, _made: bool, _todo: &mut ServiceOutbox) {}
 
-    /// Does what is due. Called only when all pages are known.
+    /// Does what is due. Called when all pages have been read, and at the time of [`Self::next_deadline`].
     fn tick(&mut self, _now: Time, _todo: &mut ServiceOutbox) {}
 
     /// Returns the time at which [`Self::tick`] must be called; `None`: never.
@@ -187,7 +188,8 @@ where
     C: CarriesManagement,
     V: From<String> + AsRef<str>,
 {
-    /// Makes the service, as agent `id`.
+    /// Makes the service, as agent `id`. At [`Event::Start`] it begins to read its pages; requests wait until they are
+    /// known.
     pub fn new(id: AgentId, functions: F) -> Self {
         Self {
             id,

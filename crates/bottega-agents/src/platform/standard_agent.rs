@@ -5,10 +5,10 @@ use std::collections::VecDeque;
 use super::management::{CarriesManagement, LifeCycleRequest, ManagementContent};
 use crate::{AclMessage, Action, ActionOf, AgentId, Event, EventOf, Performative, StateMachine, Time};
 
-/// Maximum number of events kept for a suspended agent; further messages are lost.
+/// Maximum number of events kept for a suspended agent; beyond it messages are lost, other events are kept.
 pub const KEPT_MESSAGES_MAX: usize = 1 << 14;
 
-/// A state machine as an agent of a platform that obeys its AMS.
+/// A state machine as an agent of a platform that obeys its AMS; it refuses life-cycle requests of others.
 ///
 /// While it is suspended, events are kept and deadlines are postponed.
 pub struct StandardAgent<M: StateMachine> {

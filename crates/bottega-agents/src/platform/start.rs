@@ -15,8 +15,8 @@ pub const BASIC_SERVICES_MAX: usize = 256;
 
 const PREFIX: &str = "start/";
 
-/// The basic services of a platform. A second supply with a used identifier fails: the meaning of an entry that agents
-/// already hold must not change.
+/// The basic services of a platform: the functions of its Start Service. A second supply with a used identifier fails:
+/// the meaning of an entry that agents already hold must not change.
 #[derive(Clone, Debug, Default)]
 pub struct StartService {
     /// The services from the configuration.

@@ -11,7 +11,7 @@ const PROTOCOL: &str = "fipa-contract-net";
 /// Maximum number of open calls of a responder; further ones are refused.
 pub const RESPONSES_MAX: usize = 1024;
 
-/// A call for proposals.
+/// A call for proposals: a task, and the agents that may propose to carry it out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Call<C> {
     /// The agent that calls for proposals.
@@ -26,7 +26,7 @@ pub struct Call<C> {
     pub ontology: &'static str,
     /// The number of the conversation, unique among the calls of the initiator.
     pub conversation_id: u64,
-    /// The deadline of proposals. An agent without a proposal by then has refused.
+    /// The deadline of proposals. An agent without a proposal by then counts as having refused.
     pub reply_by: Time,
 }
 
@@ -35,7 +35,7 @@ pub struct Call<C> {
 pub struct Proposal<C> {
     /// The agent that proposes.
     pub from: AgentId,
-    /// The terms on which the bidder offers to do the task.
+    /// The terms on which the agent offers to do the task.
     pub content: C,
 }
 
@@ -53,13 +53,14 @@ pub enum TaskOutcome<C> {
 /// An event for the agent that called for proposals.
 #[derive(Clone, Debug, PartialEq)]
 pub enum InitiatorEvent<C> {
-    /// All proposals are in: call [`ContractNetInitiator::award`]. There may be none.
+    /// Every agent has answered, or the deadline of proposals has passed: call [`ContractNetInitiator::award`]. Holds
+    /// the proposals in order of arrival; there may be none.
     Collected(Vec<Proposal<C>>),
     /// An awarded task ended.
     Ended {
         /// The agent that had the task.
         contractor: AgentId,
-        /// The result of the task, or the reason why there is none.
+        /// The result of the task, the reason why it failed, or that it is lost.
         outcome: TaskOutcome<C>,
     },
 }
@@ -200,12 +201,15 @@ impl<C: Clone> ContractNetInitiator<C> {
         if self.collecting { Some(self.call.reply_by) } else { self.results_by }
     }
 
-    /// Accepts proposals, each with the content for its contractor, and rejects all others.
+    /// Accepts proposals and rejects all others: appends the messages to `send`.
     ///
-    /// `results_by`: the deadline of results. Agents without a proposal are ignored.
+    /// - `accepted`: the agents whose proposals are accepted, each with the content of its acceptance. Agents without a
+    ///   proposal are ignored.
+    /// - `results_by`: the deadline of results.
     ///
     /// # Panics
-    /// If called before [`InitiatorEvent::Collected`], or twice.
+    /// If called before [`InitiatorEvent::Collected`], or again after an award to at least one agent whose deadline
+    /// [`Self::handle_time`] has not handled yet.
     pub fn award(&mut self, accepted: &[(AgentId, C)], results_by: Time, send: &mut Vec<AclMessage<C>>) {
         assert!(!self.collecting && self.results_by.is_none(), "an award follows the collection of proposals, once");
         for proposal in std::mem::take(&mut self.proposals) {
@@ -225,7 +229,8 @@ impl<C: Clone> ContractNetInitiator<C> {
         }
     }
 
-    /// Returns true if no more messages are expected.
+    /// Returns true if the negotiation is over: proposals were collected, all are answered, and no awarded task is
+    /// open.
     pub fn is_finished(&self) -> bool {
         !self.collecting
             && self.proposals.is_empty()
@@ -268,9 +273,9 @@ pub enum ResponderEvent<C> {
     Accepted(AclMessage<C>),
     /// The task was awarded to another agent, or to none.
     Rejected(AclMessage<C>),
-    /// The call or the award was cancelled.
+    /// The call or the award is void: the initiator has cancelled it, or has not understood this agent's message.
     Cancelled(AclMessage<C>),
-    /// A proposal had no answer for so long that it is void.
+    /// The call was not answered by its `reply_by`, or the proposal had no answer for so long that it is void.
     Expired {
         /// The conversation of the call.
         conversation: Conversation,
@@ -414,7 +419,8 @@ impl<C: Clone> ContractNetResponder<C> {
         true
     }
 
-    /// Drops calls not answered in time and proposals without an answer. Returns [`ResponderEvent::Expired`] for each.
+    /// Drops calls not answered by their `reply_by`, and proposals without an answer by the time given to
+    /// [`Self::propose`]. Returns [`ResponderEvent::Expired`] for each.
     pub fn handle_time(&mut self, now: Time) -> Vec<ResponderEvent<C>> {
         let over = self.open.iter().filter(|(_, response)| response.ends_at().is_some_and(|by| by <= now));
         let over: Vec<Conversation> = over.map(|(conversation, _)| conversation.clone()).collect();
@@ -436,7 +442,7 @@ impl<C: Clone> ContractNetResponder<C> {
         self.open.values().filter(|response| matches!(response, Response::Working(_))).count()
     }
 
-    /// Returns the number of valid proposals.
+    /// Returns the number of proposals that have no answer yet.
     pub fn proposed_count(&self) -> usize {
         self.open.values().filter(|response| matches!(response, Response::Proposed(..))).count()
     }

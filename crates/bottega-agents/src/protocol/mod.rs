@@ -21,7 +21,7 @@ use crate::{AgentId, Performative};
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{got}` from {from} is out of sequence: the conversation is {state}")]
 pub struct OutOfSequence {
-    /// The name of the sender.
+    /// The sender of the message.
     pub from: AgentId,
     /// The performative received.
     pub got: Performative,

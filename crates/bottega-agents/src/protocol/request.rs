@@ -6,13 +6,13 @@ use crate::{AclMessage, AgentId, Performative, Time};
 /// The answer to a request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer<C> {
-    /// The requested action was done, or this is its result.
+    /// The requested action was done; holds the confirmation or the result.
     Inform(C),
-    /// The request was refused and not begun.
+    /// The request was refused and not begun; holds the reason.
     Refuse(C),
-    /// The request failed.
+    /// The request failed; holds the reason.
     Failure(C),
-    /// The request was not understood.
+    /// The request was not understood; holds the reason.
     NotUnderstood(C),
     /// There was no answer by the deadline.
     Silence,
@@ -28,10 +28,11 @@ pub struct RequestInitiator {
 }
 
 impl RequestInitiator {
-    /// Appends the request to `send`. Returns its initiator, which waits for the answer.
+    /// Appends the request to `send`, with `request` as its performative and `fipa-request` as its protocol. Returns
+    /// its initiator, which waits for the answer.
     ///
     /// # Panics
-    /// Unless it has exactly one receiver and a `reply_by`.
+    /// Unless the request has exactly one receiver and a `reply_by`.
     pub fn request<C>(request: AclMessage<C>, send: &mut Vec<AclMessage<C>>) -> Self {
         let [participant] = &request.receivers[..] else { panic!("a request has one receiver") };
         let deadline = request.reply_by;

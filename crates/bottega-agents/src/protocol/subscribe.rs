@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use super::OutOfSequence;
 use crate::{AclMessage, AgentId, Performative};
 
-/// Maximum number of subscribers.
+/// Maximum number of subscriptions at one publisher.
 pub const SUBSCRIBERS_MAX: usize = 4096;
 
-/// The maximum number of subscribers is reached; refuse the subscription.
+/// The error that a publisher has [`SUBSCRIBERS_MAX`] subscriptions already; refuse the new one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("there are {SUBSCRIBERS_MAX} subscribers already")]
 pub struct TooManySubscribers;
@@ -16,9 +16,11 @@ pub struct TooManySubscribers;
 /// An event for the agent that publishes.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PublisherEvent<C> {
-    /// A subscription to what the content names. Accept it by [`Subscriptions::accept`], or refuse it.
+    /// An agent wants to subscribe to what the content names. Accept the message by [`Subscriptions::accept`], or
+    /// refuse it.
     Wanted(AclMessage<C>),
-    /// A subscriber has cancelled; the confirmation is sent.
+    /// The subscriber with this name has cancelled a subscription; the confirmation is appended to the messages to
+    /// send.
     Cancelled(AgentId),
 }
 
@@ -56,10 +58,12 @@ impl<C: Clone> Subscriptions<C> {
         }
     }
 
-    /// Adds a subscriber. A second subscription in the same conversation replaces the first.
+    /// Adds a subscription. A second one of the same subscriber in the same conversation replaces the first.
+    ///
+    /// - `wish`: the message of [`PublisherEvent::Wanted`].
     ///
     /// # Errors
-    /// There are too many subscribers.
+    /// There are [`SUBSCRIBERS_MAX`] subscriptions already.
     pub fn accept(&mut self, wish: AclMessage<C>) -> Result<(), TooManySubscribers> {
         let key = (wish.sender.clone(), wish.conversation_id);
         if self.subscribers.len() >= SUBSCRIBERS_MAX && !self.subscribers.contains_key(&key) {
@@ -69,7 +73,9 @@ impl<C: Clone> Subscriptions<C> {
         Ok(())
     }
 
-    /// Sends each subscriber what `update` returns for its subscription, if anything; in order of names.
+    /// Appends an inform message to `send` for each subscription, in order of the subscribers' names.
+    ///
+    /// - `update`: gets the content of the subscription, and returns that of the inform message; `None`: no message.
     pub fn tell(&self, mut update: impl FnMut(&C) -> Option<C>, send: &mut Vec<AclMessage<C>>) {
         for wish in self.subscribers.values() {
             if let Some(content) = update(&wish.content) {

@@ -10,10 +10,12 @@ use super::{
 };
 use crate::{AgentId, Performative};
 
-/// Parses a message in the XML representation.
+/// Parses a message in the XML representation. Unknown elements are ignored.
 ///
 /// # Errors
-/// Not well-formed XML, a document type or entity, not a message, or a limit exceeded.
+/// The text is not well-formed XML, has a document type or an entity, or is not a message; an agent has no name; the
+/// performative is unknown, or a date-time is invalid; an element that may occur once is repeated; or a limit is
+/// exceeded.
 pub fn parse_xml(text: &str) -> Result<WireMessage, WireError> {
     let root = xml::parse(text)?;
     if root.name != "fipa-message" {

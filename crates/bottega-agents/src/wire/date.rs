@@ -13,7 +13,7 @@ impl DateTime {
     /// Parses `[+]YYYYMMDDThhmmssmmm[letter]`; some platforms write `Z` for the `T`.
     ///
     /// # Errors
-    /// Another format, or a field out of range.
+    /// The text has another format, or a field is out of range.
     pub fn parse(text: &str) -> Result<Self, WireError> {
         let bad = || bad_value("date-time", text);
         let relative = text.starts_with('+');
@@ -53,7 +53,7 @@ impl fmt::Display for DateTime {
 
 const SECONDS_A_DAY: u64 = 86_400;
 
-/// Converts between a platform's time and calendar dates.
+/// The calendar of a platform: converts its time to dates and back.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Calendar {
     unix_at_start: Duration,
@@ -65,7 +65,7 @@ impl Calendar {
         Self { unix_at_start }
     }
 
-    /// Returns a moment as a date in UTC, truncated to milliseconds.
+    /// Returns a moment as a date-time in UTC, truncated to milliseconds.
     pub fn date(self, time: Time) -> DateTime {
         let unix = self.unix_at_start.saturating_add(time.elapsed());
         let (days, seconds) = (unix.as_secs() / SECONDS_A_DAY, unix.as_secs() % SECONDS_A_DAY);
@@ -76,8 +76,9 @@ impl Calendar {
         DateTime(format!("{year:04}{month:02}{day:02}T{hour:02}{minute:02}{second:02}{millis:03}Z"))
     }
 
-    /// Returns the moment of a date; a relative date counts from `now`. Dates without a zone are read as UTC, since
-    /// the writer's zone is unknown. Dates before the start of the platform give [`Time::ZERO`].
+    /// Returns the moment of a date-time; a relative one counts from `now`. A date-time without a zone is read as UTC,
+    /// since the writer's zone is unknown, and so is one with any other letter than `Z`. One before the start of the
+    /// platform gives [`Time::ZERO`].
     pub fn time(self, now: Time, date: &DateTime) -> Time {
         let (relative, text) = match date.0.strip_prefix('+') {
             Some(text) => (true, text),

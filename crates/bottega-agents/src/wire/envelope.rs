@@ -16,17 +16,18 @@ const STAMPS_MAX: usize = 64;
 pub struct Envelope {
     /// The receivers of the message.
     pub to: Vec<AgentId>,
-    /// The name of the sender.
+    /// The sender of the message, if it is named.
     pub from: Option<AgentId>,
     /// A comment, which no platform interprets.
     pub comments: Option<String>,
-    /// The representation of the message: [`STRING_FORM`](super::STRING_FORM) or [`XML_FORM`](super::XML_FORM).
+    /// The name of the message's representation: [`STRING_FORM`](super::STRING_FORM), [`XML_FORM`](super::XML_FORM), or
+    /// one that is not supported.
     pub acl_representation: String,
-    /// Length of the message, in bytes.
+    /// Length of the message in bytes, as the sender states it.
     pub payload_length: Option<u64>,
     /// Character set of the message; absent: ASCII.
     pub payload_encoding: Option<String>,
-    /// The date of sending.
+    /// The date-time of sending.
     pub date: Option<DateTime>,
     /// The receivers of this copy. Empty: all of `to`.
     pub intended_receivers: Vec<AgentId>,
@@ -39,13 +40,13 @@ pub struct Envelope {
 /// The stamp of a channel that forwarded the message.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Received {
-    /// The address of the channel.
+    /// The address of the channel that set the stamp.
     pub by: String,
-    /// The date; the document type allows a stamp without one.
+    /// The date-time at which the channel got the message; the document type allows a stamp without one.
     pub date: Option<DateTime>,
-    /// The previous channel.
+    /// The address of the channel from which it came.
     pub from: Option<String>,
-    /// The message's id.
+    /// The identifier that the channel gave to the message.
     pub id: Option<String>,
     /// The name of the message transport that delivered the message.
     pub via: Option<String>,
@@ -54,7 +55,9 @@ pub struct Received {
 /// Parses an envelope: for each parameter the value with the greatest index; all stamps in order of index.
 ///
 /// # Errors
-/// Not well-formed XML, a document type or entity, not an envelope, or a limit exceeded.
+/// The text is not well-formed XML, has a document type or an entity, or is not an envelope; receivers, the
+/// representation, or the name of an agent are missing; an index, a length or a date-time is invalid; or a limit is
+/// exceeded.
 pub fn parse_envelope(text: &str) -> Result<Envelope, WireError> {
     let root = xml::parse(text)?;
     if root.name != "envelope" {

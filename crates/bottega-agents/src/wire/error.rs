@@ -16,7 +16,7 @@ pub enum WireError {
     Syntax {
         /// The position, as an offset in bytes.
         at: usize,
-        /// The expected syntax.
+        /// The syntax expected there, as text for the user.
         expected: &'static str,
     },
     /// The XML is not well-formed.
@@ -32,21 +32,21 @@ pub enum WireError {
     Missing {
         /// The name of the object that lacks a part.
         object: &'static str,
-        /// The missing part.
+        /// The name of the missing part.
         part: &'static str,
     },
-    /// A part is repeated.
+    /// A part that may occur once is repeated; holds its name.
     #[error("`{0}` is given twice")]
     Twice(String),
     /// A value is invalid.
     #[error("`{value}` is not a {what}")]
     BadValue {
-        /// The kind of value.
+        /// The kind of value expected, such as `date-time`.
         what: &'static str,
-        /// The value, truncated.
+        /// The value, at most 80 characters of it.
         value: String,
     },
-    /// A text contains characters that the representation does not allow.
+    /// A text contains characters that the representation does not allow; says which text.
     #[error("{0} cannot be written in this form")]
     Unprintable(&'static str),
 }

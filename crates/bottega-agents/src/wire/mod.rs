@@ -58,19 +58,19 @@ pub const TEXT_BYTES_MAX: usize = 3 << 20;
 pub const AGENTS_MAX: usize = 1024;
 /// Maximum number of addresses of an agent.
 pub const ADDRESSES_MAX: usize = 64;
-/// Maximum number of user-defined parameters.
+/// Maximum number of user-defined parameters of a message or an envelope.
 pub const USER_PARAMETERS_MAX: usize = 64;
 
-/// A message in text (FIPA00061).
+/// A message with all its parameters as text (FIPA00061).
 #[derive(Clone, Debug, PartialEq)]
 pub struct WireMessage {
     /// The communicative act.
     pub performative: Performative,
-    /// The name of the sender.
+    /// The agent that sends the message, with its addresses; `None`: it is not named.
     pub sender: Option<AgentId>,
-    /// The names and addresses of the receivers.
+    /// The agents that the message is for, with their addresses.
     pub receivers: Vec<AgentId>,
-    /// The receivers of replies, if not the sender.
+    /// The receivers of replies; empty: the sender.
     pub reply_to: Vec<AgentId>,
     /// The content, as text in its language.
     pub content: Option<String>,
@@ -82,9 +82,9 @@ pub struct WireMessage {
     pub ontology: Option<String>,
     /// The interaction protocol.
     pub protocol: Option<String>,
-    /// Identifies the conversation.
+    /// The name of the conversation, chosen by the agent that began it.
     pub conversation_id: Option<String>,
-    /// The `in_reply_to` of a reply.
+    /// The text that a reply must have as its `in_reply_to`.
     pub reply_with: Option<String>,
     /// The `reply_with` of the message that this one replies to.
     pub in_reply_to: Option<String>,

@@ -10,11 +10,11 @@ use crate::{AgentId, Performative};
 
 /// Parses a message in the string representation.
 ///
-/// Unknown parameters and resolvers of identifiers are ignored; all parameters except user-defined ones may occur only
-/// once.
+/// Unknown parameters and resolvers of identifiers are ignored; each other parameter may occur only once.
 ///
 /// # Errors
-/// A syntax error, an unknown performative, an invalid value, a parameter given twice, or a limit exceeded.
+/// A syntax error, an unknown performative, an invalid value, an agent identifier without a name, a parameter given
+/// twice, or a limit exceeded.
 pub fn parse_string(text: &str) -> Result<WireMessage, WireError> {
     let mut reader = TextReader::new(text)?;
     reader.open()?;
@@ -255,7 +255,7 @@ impl<'a> TextReader<'a> {
 /// Returns a message in the string representation, which parses to the same message.
 ///
 /// # Errors
-/// The name of a user-defined parameter is not `X-` and a word.
+/// The name of a user-defined parameter is not a word that begins with `X-`.
 pub fn print_string(message: &WireMessage) -> Result<String, WireError> {
     let mut out = format!("({}", message.performative.word());
     if let Some(sender) = &message.sender {

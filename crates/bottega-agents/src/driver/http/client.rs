@@ -25,27 +25,27 @@ pub enum SendError {
     /// There are no addresses.
     #[error("there is no address to try")]
     NoAddress,
-    /// The address is not an HTTP address.
+    /// The address is not an HTTP address; holds at most 200 characters of it.
     #[error("`{0}` is not an HTTP address")]
     Address(String),
-    /// The connection failed.
+    /// The connection failed, or was closed before the response.
     #[error("no connection")]
     Io(#[from] std::io::Error),
-    /// The response timed out.
+    /// There was no connection within 3 s, or no response within 10 s.
     #[error("no answer in time")]
     Silence,
-    /// The response has an error status.
+    /// The response has this status, which is not 200.
     #[error("the answer is {0}")]
     Status(u16),
     /// The response is not HTTP.
     #[error("the answer is not HTTP")]
     Answer(#[source] HttpError),
-    /// The message cannot be written.
+    /// The envelope of the message cannot be written.
     #[error("the message cannot be written")]
     Message(#[from] WireError),
 }
 
-/// Splits `http://host[:port][/path]`. Returns `host:port` and the path; by default port 80 and `/`.
+/// Splits the address `http://host[:port][/path]`. Returns `host:port` and the path; by default port 80 and `/`.
 ///
 /// # Errors
 /// [`SendError::Address`]: another scheme, no host, a user name, or characters that are not printable ASCII.

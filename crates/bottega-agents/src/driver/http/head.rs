@@ -5,7 +5,7 @@ use super::HEAD_BYTES_MAX;
 /// The reason why a request is rejected, with its status; or why a response cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum HttpError {
-    /// 400: the request is malformed.
+    /// 400: the request is malformed, as the text says. Also stands for a response that cannot be read.
     #[error("bad request: {0}")]
     Bad(&'static str),
     /// 404: the path does not exist.
@@ -46,22 +46,24 @@ pub struct Head {
     pub method: String,
     /// The path of the target without its query; the target may be in absolute form.
     pub path: String,
-    /// True if the connection stays open.
+    /// True if the client keeps the connection open for further requests.
     pub keep: bool,
-    /// The value of Content-Type.
+    /// The value of Content-Type; empty if there is none.
     pub content_type: String,
-    /// Length of the body, in bytes.
+    /// Length of the body in bytes; 0 if a request other than a POST does not give it.
     pub content_length: usize,
     /// True if the client waits for 100 Continue before it sends the body.
     pub expects_continue: bool,
 }
 
-/// Parses a header at the beginning of `bytes`. Returns it with its length in bytes; `None`: it is incomplete.
+/// Parses a header at the beginning of `bytes`. Returns it with its length in bytes, including blank lines before it;
+/// `None`: it is incomplete.
 ///
 /// Blank lines before it are ignored, fields may be folded over several lines, and lines may end in LF alone.
 ///
 /// # Errors
-/// The header is longer than [`HEAD_BYTES_MAX`] bytes, or malformed.
+/// [`HttpError::Bad`]: the header is longer than [`HEAD_BYTES_MAX`] bytes, or malformed. [`HttpError::Length`]: a POST
+/// without Content-Length, or a request with Transfer-Encoding.
 pub fn parse_head(bytes: &[u8]) -> Result<Option<(Head, usize)>, HttpError> {
     let blank = bytes.iter().take_while(|byte| matches!(byte, b'\r' | b'\n')).count();
     let Some(length) = end_of_head(&bytes[blank..]) else {
@@ -161,7 +163,7 @@ fn path_of(target: &str) -> &str {
 /// Returns the code of the status line at the beginning of `bytes`, such as 200. `None`: the line is incomplete.
 ///
 /// # Errors
-/// The bytes are not a status line.
+/// The bytes are not a status line, or one that does not end within [`HEAD_BYTES_MAX`] bytes.
 pub fn parse_status(bytes: &[u8]) -> Result<Option<u16>, HttpError> {
     let bad = HttpError::Bad("no status line");
     let Some(end) = bytes.iter().position(|byte| *byte == b'\n') else {

@@ -8,12 +8,13 @@ use crate::{
 
 const MALFORMED: HttpError = HttpError::Bad("the body does not have the two parts that it must have");
 
-/// Parses the body of a POST: the envelope and the message.
+/// Parses the body of a POST. Returns its message, with envelope.
 ///
 /// - `content_type`: the value of the Content-Type field, which names the boundary of the parts.
 ///
 /// # Errors
-/// The parts, the envelope or the message are invalid.
+/// [`HttpError::Bad`]: the content type is not `multipart/mixed` with a boundary, or the parts, the envelope or the
+/// message are invalid.
 pub fn open(content_type: &str, body: &[u8]) -> Result<Letter, HttpError> {
     let (envelope, payload) = split(content_type, body)?;
     let envelope = std::str::from_utf8(envelope).map_err(|_| HttpError::Bad("the envelope is not text"))?;
@@ -81,8 +82,9 @@ fn part(bytes: &[u8]) -> Result<&[u8], HttpError> {
     end_of_head(bytes).map(|length| &bytes[length..]).ok_or(MALFORMED)
 }
 
-/// Returns the Content-Type and body of an outgoing message, in the form that every known platform reads. `number`
-/// makes the boundary unique.
+/// Returns the Content-Type and the body for an outgoing message, in the form that every known platform reads.
+///
+/// - `number`: makes the boundary of the parts unique.
 ///
 /// # Errors
 /// The envelope cannot be written in XML.

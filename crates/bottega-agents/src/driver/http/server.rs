@@ -31,20 +31,22 @@ const REQUEST_WAIT: Duration = Duration::from_secs(20);
 /// Maximum time to send a response.
 const ANSWER_WAIT: Duration = Duration::from_secs(20);
 
-/// The path of the trace of passing messages, for clients on this machine.
+/// The path of the trace of passing messages; clients on other machines get status 404.
 pub const TRACE_PATH: &str = "/trace";
 
-/// The service behind the HTTP server: it accepts messages, and describes and traces itself.
+/// The service behind the HTTP server: it accepts messages, describes the platform, and traces the messages.
 pub struct HttpService {
-    /// Accepts a message. False if there is no room at the moment.
+    /// A function that accepts a message. It returns false if there is no room at the moment; the sender then gets
+    /// status 503.
     pub take: Box<dyn Fn(Letter) -> bool + Send + Sync>,
-    /// Returns the response to a GET of [`PATH`].
+    /// A function that returns the response to a GET of [`PATH`].
     pub about: Box<dyn Fn() -> String + Send + Sync>,
     /// The trace lines, without line ends.
     pub trace: broadcast::Sender<Arc<str>>,
 }
 
-/// Serves connections of a listener until the future is dropped.
+/// Accepts connections of a listener until the future is dropped, and serves each in a task of its own, which the end
+/// of the future does not stop.
 pub async fn serve(listener: TcpListener, service: Arc<HttpService>) {
     let room = Arc::new(Semaphore::new(CONNECTIONS_MAX));
     let bodies = Arc::new(Semaphore::new(BODIES_KIB_MAX));

@@ -8,7 +8,7 @@ use crate::{
     bus::{BLOBS_MAX, Blob, BlobId, Bus},
 };
 
-/// The bus of a [`LocalPlatform`](super::LocalPlatform): can be cloned and used by any thread.
+/// The bus of a [`LocalPlatform`](super::LocalPlatform), which any thread may clone and use.
 pub struct LocalBus<M: StateMachine>(pub(super) Arc<PlatformShared<M>>);
 
 impl<M: StateMachine> Clone for LocalBus<M> {

@@ -56,6 +56,8 @@ where
 
     /// Starts threads like [`Self::new`], with a store that may be shared with other processes, or be persistent.
     ///
+    /// - `store`: gets the [`Mailbox::number`] of the requesting agent as the client.
+    ///
     /// # Errors
     /// A thread cannot be started.
     pub fn with_store(threads: usize, store: Box<dyn EntryStore<M::Value, usize> + Send>) -> std::io::Result<Self> {
@@ -130,8 +132,9 @@ where
         Ok(mailbox)
     }
 
-    /// Makes an agent of this platform the gateway: it gets all messages to agents elsewhere, and presence events
-    /// before any message from outside. False if the agent is not here.
+    /// Makes an agent of this platform the gateway: it gets all messages to agents that are not here or have stopped,
+    /// and presence events before any message from outside. Returns false if the agent is not here; then there is no
+    /// gateway.
     pub fn set_gateway(&self, agent: &AgentId) -> bool {
         let mut state = self.shared.lock();
         state.gateway = state.index.get(agent).copied();
@@ -144,7 +147,7 @@ where
         known
     }
 
-    /// Delivers writes of other processes to watching agents. Called from time to time if the store is shared.
+    /// Delivers writes of other processes to watching agents. Must be called from time to time if the store is shared.
     pub fn poll_store(&self) {
         self.shared.with_store(|store, replies| store.poll(replies));
     }
@@ -154,7 +157,8 @@ where
         LocalBus(Arc::clone(&self.shared))
     }
 
-    /// Returns the number of lost messages: to unknown agents or full mailboxes.
+    /// Returns the number of lost messages: those to full mailboxes, and, without gateway and link, those to agents
+    /// that are not here or have stopped.
     pub fn messages_lost(&self) -> u64 {
         self.shared.lock().messages_lost
     }
@@ -164,7 +168,7 @@ where
         self.shared.now()
     }
 
-    /// Returns the conversion between the platform's time and the calendar.
+    /// Returns the conversion between the platform's time and the calendar, by the clock of the machine.
     pub fn calendar(&self) -> Calendar {
         Calendar::new(unix_time().saturating_sub(self.now().elapsed()))
     }
@@ -172,7 +176,7 @@ where
     /// Waits until every agent has stopped, then ends the threads.
     ///
     /// # Panics
-    /// If a machine has panicked.
+    /// If a machine or a performer has panicked.
     pub fn wait(mut self) {
         let mut state = self.shared.lock();
         while state.alive > 0 && !state.panicked {
@@ -183,6 +187,9 @@ where
     }
 
     /// Ends the threads after their current events, whether or not agents have stopped.
+    ///
+    /// # Panics
+    /// If a machine or a performer has panicked.
     pub fn stop(mut self) {
         self.close();
     }
@@ -222,7 +229,7 @@ impl<M: StateMachine> Drop for LocalPlatform<M> {
     }
 }
 
-/// The name was used by another agent; names are never reused.
+/// The error that an agent has this name, or had it before it stopped: names are never reused.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("there is already an agent `{0}`")]
 pub struct NameTaken(pub AgentId);

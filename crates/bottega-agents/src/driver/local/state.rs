@@ -219,7 +219,8 @@ impl<M: StateMachine> Mailbox<M> {
         self.shared.work.notify_all();
     }
 
-    /// Delivers an event from another process. Dropped if the agent has stopped.
+    /// Delivers an event from another process. Dropped if the agent has stopped; a message is also dropped if the
+    /// mailbox is full.
     pub fn deliver(&self, event: EventOf<M>) {
         self.shared.lock().deliver(self.agent, event);
         self.shared.work.notify_all();
@@ -242,15 +243,15 @@ impl<M: StateMachine> Mailbox<M> {
     }
 }
 
-/// Begins the effects of one agent. Must return quickly; long work belongs on another thread, which reports its
-/// completion to the [`Mailbox`].
+/// A function that begins the effects of one agent. It must return quickly; long work belongs on another thread, which
+/// reports its completion to the [`Mailbox`].
 pub type Performer<M> = Box<dyn FnMut(<M as StateMachine>::Effect, &Mailbox<M>) + Send>;
 
 /// A link of a local platform to other processes, for messages to agents elsewhere and a shared store.
 ///
 /// No method blocks, except as stated. Results arrive in a mailbox.
 pub trait Uplink<M: StateMachine>: Send + Sync {
-    /// Connects a new agent: messages from elsewhere go into its mailbox. Returns when that is done, or is known to be
+    /// Connects a new agent: messages from elsewhere go into its mailbox. Blocks until that is done, or is known to be
     /// impossible at present.
     fn add(&self, agent: &AgentId, mailbox: Mailbox<M>);
 
@@ -259,6 +260,6 @@ pub trait Uplink<M: StateMachine>: Send + Sync {
     /// - `now`: the time of this platform, to which `reply_by` of the message refers.
     fn publish(&self, now: Time, message: &AclMessage<M::Content>, receiver: &AgentId);
 
-    /// Sends a store request for the agent with this mailbox.
+    /// Sends a store request for the agent with this mailbox, which gets the replies.
     fn ask_store(&self, mailbox: Mailbox<M>, ticket: Ticket, request: StoreRequest<M::Value>);
 }

@@ -26,15 +26,15 @@ const PART_BYTES: usize = 128 << 10;
 /// never arrive.
 const SILENT: Duration = Duration::from_secs(10);
 
-/// An error in storing or reading a blob.
+/// An error in storing or reading a blob, a payload or a notice.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the blob `{name}`: {reason}")]
 pub struct BlobError {
-    /// The name of the blob.
+    /// The name of the blob, payload or notice.
     pub name: String,
     /// The reason, as text for the user.
     pub reason: String,
-    /// True if retrying is useless; false if the server is unreachable or has no room.
+    /// `true`: retrying is useless; `false`: it may help, for example if the server is unreachable or has no room.
     pub is_lasting: bool,
     /// True if the server has no room.
     pub is_full: bool,
@@ -82,7 +82,7 @@ pub struct StoredBlob {
     pub name: String,
     /// The size of the blob, in bytes.
     pub bytes: u64,
-    /// Time since the blob was stored.
+    /// Time since the blob was stored, by the clocks of the machine that stored it and of this one.
     pub age: Duration,
 }
 
@@ -130,7 +130,8 @@ pub(super) async fn open(
     }
 }
 
-/// The blobs of a farm. Its methods block, so call them from worker threads.
+/// The blobs of a farm. Its methods block, so call them from worker threads; on a thread that runs asynchronous code
+/// they panic.
 #[derive(Clone)]
 pub struct NatsBlobs {
     context: Context,
@@ -157,7 +158,7 @@ impl NatsBlobs {
     /// and they occupy room forever.
     ///
     /// # Errors
-    /// The server does not accept it.
+    /// The server does not confirm it: it is unreachable or has no room.
     pub fn put(&self, name: &str, bytes: &[u8]) -> Result<(), BlobError> {
         self.handle.block_on(async {
             let before = self.store.info(name).await.ok();
@@ -238,7 +239,8 @@ impl NatsBlobs {
     /// - `bytes_max`: maximum size, in bytes.
     ///
     /// # Errors
-    /// The server does not return the blob, stops sending in the middle of it, or the blob is damaged or too large.
+    /// The server does not return the blob, or sends nothing for 10 s in the middle of it; or the blob is damaged or
+    /// too large.
     pub fn get(&self, name: &str, bytes_max: usize) -> Result<Option<Vec<u8>>, BlobError> {
         self.handle.block_on(async {
             let mut object = match self.store.get(name).await {
@@ -262,7 +264,7 @@ impl NatsBlobs {
         })
     }
 
-    /// Deletes a blob by its name; does nothing if there is none.
+    /// Deletes a blob by its name; does nothing if there is none, or if the server does not answer.
     pub fn forget(&self, name: &str) {
         self.handle.block_on(async {
             if let Ok(info) = self.store.info(name).await {
@@ -293,7 +295,7 @@ impl NatsBlobs {
         infos
     }
 
-    /// Deletes parts that belong to no blob, because their sender failed in the middle.
+    /// Deletes parts that belong to no blob, because their sender failed in the middle, as far as the server answers.
     ///
     /// - `after`: minimum age of the last part.
     pub fn forget_strays(&self, after: Duration) {

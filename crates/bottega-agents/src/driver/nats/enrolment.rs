@@ -42,20 +42,22 @@ impl Default for MemberKey {
     }
 }
 
-/// Returns true if this is the public key of a member; nothing else may enter a server's configuration.
+/// Returns true if the text is a public key as [`MemberKey::public`] returns it. Nothing else may be written into a
+/// server's configuration.
 pub fn is_public_key(text: &str) -> bool {
     nkeys::KeyPair::from_public_key(text).is_ok() && text.starts_with('U')
 }
 
-/// Sends a request for enrolment to a farm, and returns the bytes of the answer. Blocks meanwhile.
+/// Sends a request for enrolment to a farm, and returns the bytes of the answer. Blocks meanwhile, at most 10 s after
+/// the connection.
 ///
-/// - `options`: the servers, and the login of a [`newcomer`].
+/// - `options`: the servers, and the login of a [`newcomer`]; the name of the member is not used.
 /// - `group`: the group to join.
-/// - `request`: the bytes for the process that admits members.
+/// - `request`: the bytes for the process that admits members, at most 4096: longer requests get no answer.
 ///
 /// # Errors
-/// The server is unreachable or rejects the login, a name or the credentials are invalid, or no process of the farm
-/// answers.
+/// The server is unreachable or rejects the login; an address, the name of the farm or the credentials are invalid; no
+/// process of the farm answers; or the runtime cannot be started.
 pub fn enrol(options: &NatsOptions, group: &str, request: &[u8]) -> Result<Vec<u8>, NatsError> {
     let runtime = Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(async {
@@ -69,8 +71,8 @@ pub fn enrol(options: &NatsOptions, group: &str, request: &[u8]) -> Result<Vec<u
 }
 
 impl<K: Codec> NatsUplink<K> {
-    /// Answers enrolment requests, several concurrently, as long as the thread of this link runs. Returns when the
-    /// farm's server knows of it.
+    /// Answers enrolment requests, several concurrently, as long as the thread of this link runs. Requests longer than
+    /// 4096 bytes are ignored. Returns when the farm's server knows of it, at the latest after 2 s.
     ///
     /// - `groups`: the groups whose requests are answered.
     /// - `answer`: gets the group and the request; may block. `None`: no answer.
@@ -108,7 +110,7 @@ impl<K: Codec> NatsUplink<K> {
     }
 }
 
-/// Returns the login of a machine that has a token but no key.
+/// Returns the login of a machine that has the token of a group but no key.
 ///
 /// - `group`: the group of the token.
 /// - `word`: the token.

@@ -10,18 +10,18 @@ pub enum NatsError {
     /// The server is unreachable, or does not accept the connection.
     #[error("cannot reach a NATS server at {servers}")]
     Connect {
-        /// The addresses tried.
+        /// The addresses tried, separated by commas.
         servers: String,
         /// The error of the NATS client.
         source: async_nats::ConnectError,
     },
-    /// An address is invalid.
+    /// The address of a server is invalid.
     #[error("`{address}` is not the address of a NATS server, such as nats://host:4222")]
     Address {
         /// The address as given.
         address: String,
     },
-    /// A name is invalid.
+    /// The name of the farm is invalid.
     #[error("`{name}` is not a valid name of a farm: use letters, digits, - and _")]
     Name {
         /// The name as given.
@@ -41,14 +41,14 @@ pub enum NatsError {
         /// The version that the server reports.
         version: String,
     },
-    /// The server has no storage, or a different one than requested.
+    /// The server has no storage for a part of the farm, does not create it, or has a different one than requested.
     #[error("the NATS server does not store {what} of the farm: {reason}")]
     Keep {
-        /// The kind of storage.
+        /// The part of the farm that is stored there, such as `blobs`.
         what: &'static str,
         /// The reason, as text for the user.
         reason: String,
-        /// True if retrying is useless; false if the server is reloading its configuration.
+        /// `true`: retrying is useless; `false`: it may help, for example if the server is reloading its configuration.
         is_lasting: bool,
     },
     /// Nobody answers the request for enrolment.
@@ -69,7 +69,7 @@ pub enum NatsError {
         /// The server's message.
         reason: String,
     },
-    /// A thread cannot be started.
+    /// A thread, or the runtime of one, cannot be started.
     #[error("cannot start a thread")]
     Thread(#[from] std::io::Error),
 }

@@ -47,10 +47,14 @@ impl NatsLive {
         Self { client, farm: farm.to_owned(), handle }
     }
 
-    /// Sends a message to all listeners of a channel. Blocks for a moment if too many messages wait for the connection; a message
-    /// is lost if there are no listeners or the farm does not answer.
+    /// Sends a message to all listeners of a channel. Blocks for half a second at most if too many messages wait for
+    /// the connection; a message is lost if there are no listeners or the farm does not answer.
     ///
+    /// - `channel`: the name of the channel; its parts are separated by `/`.
     /// - `bytes`: at most [`LIVE_BYTES_MAX`].
+    ///
+    /// # Panics
+    /// In debug builds, if `bytes` is longer.
     pub fn send(&self, channel: &str, bytes: Vec<u8>) {
         debug_assert!(bytes.len() <= LIVE_BYTES_MAX, "a live message of {} bytes", bytes.len());
         let subject = names::live(&self.farm, channel);
@@ -63,8 +67,10 @@ impl NatsLive {
         }
     }
 
-    /// Calls a function with each message to a channel, until the subscription is dropped. The function runs on the thread of the
-    /// link, so it must return quickly.
+    /// Calls a function with each message to a channel, until the subscription is dropped; never, with a warning in the
+    /// log, if the subscription fails.
+    ///
+    /// - `tell`: runs on the thread of the link, so it must return quickly.
     pub fn listen(&self, channel: &str, tell: impl Fn(&[u8]) + Send + 'static) -> LiveSubscription {
         let (client, subject) = (self.client.clone(), names::live(&self.farm, channel));
         let is_over = Arc::new(AtomicBool::new(false));

@@ -67,7 +67,9 @@ const STORE_INFO: &str = "$JS.API.INFO";
 /// The oldest supported version of the server.
 const OLDEST: (i64, i64, i64) = (2, 9, 0);
 
-/// A link to a farm over NATS: messages, store, blobs, payloads, notices and live messages.
+/// A link to a farm over NATS: messages, store, blobs, payloads, notices and live messages. `K` is the [`Codec`] of
+/// messages and store. Methods that wait for the server block their thread; on a thread that runs asynchronous code
+/// they panic.
 pub struct NatsUplink<K> {
     codec: Arc<K>,
     client: Client,
@@ -86,17 +88,18 @@ pub struct NatsUplink<K> {
     _thread: Arc<NatsThread>,
 }
 
-/// A thread that runs links: each link has its own, unless it shares one. It ends with its last link.
+/// A thread that runs links; several may share it. It ends when the last link on it and the last clone of its `Arc` are
+/// dropped.
 pub struct NatsThread {
     handle: Handle,
     _end: oneshot::Sender<()>,
 }
 
 impl NatsThread {
-    /// Starts the thread, on which links can be opened by [`NatsUplink::connect_on`].
+    /// Starts a thread, on which links can be opened by [`NatsUplink::connect_on`].
     ///
     /// # Errors
-    /// The thread cannot be started.
+    /// The thread or its runtime cannot be started.
     pub fn start() -> Result<Arc<Self>, NatsError> {
         let runtime = Builder::new_current_thread().enable_all().build()?;
         let handle = runtime.handle().clone();
@@ -110,13 +113,14 @@ impl NatsThread {
 }
 
 impl<K: Codec> NatsUplink<K> {
-    /// Connects to a farm; creates its buckets if missing. Blocks until done.
+    /// Connects to a farm, and creates its buckets and streams if they are missing; a guest does not create them.
+    /// Blocks until done.
     ///
     /// - `codec`: encodes contents of messages and values of the store.
     ///
     /// # Errors
-    /// The server is unreachable, too old, or has no suitable storage; an address, the name of the farm or the
-    /// credentials are invalid; or a thread cannot be started.
+    /// The server is unreachable, too old, rejects the login, or has no suitable storage; an address, the name of the
+    /// farm or the credentials are invalid; or a thread cannot be started.
     pub fn connect(options: &NatsOptions, codec: K) -> Result<Self, NatsError> {
         Self::connect_on(&NatsThread::start()?, options, codec)
     }
@@ -159,7 +163,7 @@ impl<K: Codec> NatsUplink<K> {
         &self.blobs
     }
 
-    /// Returns the payloads of results.
+    /// Returns the payloads of the farm, for results: small blobs, each written once.
     pub fn payloads(&self) -> &NatsPayloads {
         &self.payloads
     }
@@ -189,7 +193,7 @@ impl<K: Codec> NatsUplink<K> {
         self.client.server_info().version
     }
 
-    /// Returns the traffic over the link so far.
+    /// Returns the traffic over the link since it was opened.
     pub fn traffic(&self) -> Traffic {
         let statistics = self.client.statistics();
         Traffic {
@@ -205,7 +209,8 @@ impl<K: Codec> NatsUplink<K> {
         self.client.connection_state() == async_nats::connection::State::Connected
     }
 
-    /// Asks the server for the state of its storage, and returns it; blocks at most two seconds.
+    /// Asks the server for the state of its storage, and returns it; blocks at most two seconds, after which it is
+    /// [`ServerState::Silent`].
     pub fn server_state(&self) -> ServerState {
         let request = Request::new().timeout(Some(ANSWER_TIME));
         match self.handle.block_on(self.client.send_request(STORE_INFO, request)) {
@@ -217,18 +222,22 @@ impl<K: Codec> NatsUplink<K> {
         }
     }
 
-    /// Reports all entries of the store whose keys start with `prefix`, and then every write to one, until `tell`
-    /// returns false; it is called at least every few seconds. Blocks meanwhile.
+    /// Reports all entries of the store whose keys start with `prefix`, and then every write to one; after an
+    /// interruption all are reported again. Removals are not reported. Blocks meanwhile.
+    ///
+    /// - `tell`: gets the reports, at least one every few seconds; it returns false to end them.
     pub fn follow_entries(&self, prefix: &Key, tell: impl FnMut(EntryUpdate<K::Value>) -> bool) {
         self.handle.block_on(self.bucket.follow(prefix, tell));
     }
 
-    /// Deletes all entries of the store whose keys start with `prefix`. Failure is only logged.
+    /// Deletes all entries of the store below a prefix. Failure is only logged.
+    ///
+    /// - `prefix`: ends with `/`. What follows its last `/` is not compared; without any `/` all entries are deleted.
     pub fn forget(&self, prefix: &Key) {
         self.handle.block_on(self.bucket.forget(prefix));
     }
 
-    /// Returns the address of an agent over this link, for directories.
+    /// Returns the address of an agent over this link, which starts with `nats:`; for directories.
     pub fn address_of(&self, agent: &AgentId) -> String {
         names::address(&self.farm, &agent.name)
     }
@@ -258,7 +267,7 @@ pub enum ServerState {
     },
     /// The server has storage.
     Stores {
-        /// Bytes stored for all farms.
+        /// Number of bytes stored for all farms together.
         bytes: u64,
     },
 }

@@ -26,15 +26,16 @@ use crate::Key;
 pub struct Notice {
     /// The name of the notice.
     pub name: String,
-    /// The unique number of the notice's last write.
+    /// The number of the notice's last write, unique among the notices of the farm.
     pub revision: u64,
-    /// The text of the notice, as written.
+    /// The bytes of the notice, as written.
     pub text: Arc<[u8]>,
-    /// Time without a change while the server was reachable.
+    /// Time since this process received its last change, or since it last reconnected to the server if that was later.
     pub unchanged: Duration,
 }
 
-/// The notices by name. Reading uses a local copy; methods that write block, so call them from threads that may wait.
+/// The notices of a farm by name. Reading uses a local copy. Methods that write block, and so do [`Self::was_ever`] and
+/// [`Self::wait`]: call them from threads that may wait, not from asynchronous code.
 #[derive(Clone)]
 pub struct NatsNotices {
     client: Client,
@@ -69,7 +70,7 @@ struct ReceivedNote {
 }
 
 impl NatsNotices {
-    /// Opens the board; returns when all notices are read.
+    /// Opens the notices. Returns when all are read, or after [`ANSWER_TIME`] at the latest.
     pub(super) async fn open(client: Client, store: kv::Store, handle: Handle) -> Self {
         let seen = Arc::new(Mutex::new(KnownNotices::new()));
         let board = Self { client, store, handle, seen, changed: Arc::default() };
@@ -102,7 +103,7 @@ impl NatsNotices {
     /// Writes a notice unconditionally. Returns the number of the write.
     ///
     /// # Errors
-    /// The server does not confirm it.
+    /// The server does not confirm it: whether it accepted the notice is unknown.
     pub fn put(&self, name: &str, text: &[u8]) -> Result<u64, BlobError> {
         let put = self.handle.block_on(self.store.put(names::key(&Key::from(name.to_owned())), text.to_vec().into()));
         put.inspect(|revision| self.wrote(name, *revision, text)).map_err(|error| BlobError::passing(name, &error))
@@ -114,7 +115,8 @@ impl NatsNotices {
     /// - `revision`: the number of its last write; 0: it does not exist, or was removed.
     ///
     /// # Errors
-    /// Whether the server accepted the notice is unknown.
+    /// The server does not confirm it: whether it accepted the notice is unknown; or the notice has changed, and cannot
+    /// be read again.
     pub fn update(&self, name: &str, text: &[u8], revision: u64) -> Result<Option<u64>, BlobError> {
         let (key, bytes) = (names::key(&Key::from(name.to_owned())), text.to_vec().into());
         let written = self.handle.block_on(async {
@@ -140,7 +142,7 @@ impl NatsNotices {
     /// Writes the first notice of a name. Returns the number of the write; `None`: the name exists, or did before.
     ///
     /// # Errors
-    /// Whether the server accepted the notice is unknown.
+    /// The server does not confirm it: whether it accepted the notice is unknown.
     pub fn put_first(&self, name: &str, text: &[u8]) -> Result<Option<u64>, BlobError> {
         let written = self.store.update(names::key(&Key::from(name.to_owned())), text.to_vec().into(), 0);
         match self.handle.block_on(written) {
@@ -153,7 +155,7 @@ impl NatsNotices {
         }
     }
 
-    /// Returns true if a notice of this name exists, or was removed.
+    /// Returns true if a notice of this name exists, or was removed; asks the server.
     ///
     /// # Errors
     /// The server does not answer.
@@ -179,10 +181,10 @@ impl NatsNotices {
         Ok(())
     }
 
-    /// Removes a notice unconditionally.
+    /// Removes a notice unconditionally, if it exists.
     ///
     /// # Errors
-    /// The server does not confirm it.
+    /// The server does not confirm it: whether it removed the notice is unknown.
     pub fn remove(&self, name: &str) -> Result<(), BlobError> {
         self.handle
             .block_on(self.store.purge(names::key(&Key::from(name.to_owned()))))
@@ -197,21 +199,24 @@ impl NatsNotices {
         self.changed.notify_all();
     }
 
-    /// Waits until the number of all changes is no longer `seen`, at most for `limit`. Returns the number.
+    /// Waits until the number of all changes differs from `seen`. Returns the number.
+    ///
+    /// - `seen`: the number that an earlier call returned; 0 at first.
+    /// - `limit`: the maximum time to wait.
     pub fn wait(&self, seen: u64, limit: Duration) -> u64 {
         let known = lock(&self.seen);
         let waited = self.changed.wait_timeout_while(known, limit, |known| known.all_changes == seen);
         waited.unwrap_or_else(PoisonError::into_inner).0.all_changes
     }
 
-    /// Returns the last known state of a notice; `None`: there is none of this name.
+    /// Returns the last known state of a notice; `None`: none of this name is known.
     pub fn get(&self, name: &str) -> Option<Notice> {
         self.refresh();
         let seen = lock(&self.seen);
         seen.notices.get_key_value(name).map(|(name, heard)| self.notice(&seen, name, heard))
     }
 
-    /// Returns all notices whose names start with `prefix`, by name.
+    /// Returns the last known states of all notices whose names start with `prefix`, by name.
     pub fn all(&self, prefix: &str) -> Vec<Notice> {
         self.refresh();
         let seen = lock(&self.seen);

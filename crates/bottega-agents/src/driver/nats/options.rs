@@ -21,9 +21,10 @@ pub struct NatsOptions {
     pub login: Login,
     /// The TLS settings of the connection.
     pub tls: Tls,
-    /// The name of the farm: farms with different names on one server are independent.
+    /// The name of the farm, at most 64 letters, digits, `-` and `_`: farms with different names on one server are
+    /// independent.
     pub farm: String,
-    /// The member: names of its agents end in `@MEMBER`, or `@MEMBER.` and more.
+    /// The name of the member: names of its agents end in `@MEMBER`, or in `@MEMBER.` and more.
     pub member: String,
     /// True if the farm must exist already: a guest has no right to create it.
     pub is_guest: bool,
@@ -50,9 +51,10 @@ pub enum Login {
 pub struct Tls {
     /// True if encryption is required.
     pub is_required: bool,
-    /// The only accepted certificate of the server; `None`: one signed by a known authority.
+    /// The only accepted certificate of the server, which makes encryption required; then `authorities` and `own` are
+    /// not used. `None`: one signed by a known authority.
     pub pin: Option<Pin>,
-    /// The path of a file with certificates of authorities, in addition to those of the system (PEM).
+    /// The path of a file with the certificates of the known authorities (PEM); `None`: those of the system.
     pub authorities: Option<PathBuf>,
     /// The paths of the client's certificate and of its private key (PEM).
     pub own: Option<(PathBuf, PathBuf)>,

@@ -31,7 +31,8 @@ struct PageRequest<M: StateMachine> {
     request: StoreRequest<M::Value>,
 }
 
-/// A [`NatsUplink`] whose store also contains a platform's pages; until it is [closed](Self::close).
+/// A [`NatsUplink`] whose store also contains the entries of a platform's directories (Start Service, AMS and DF),
+/// until it is [closed](Self::close).
 pub struct PagedUplink<K, M: StateMachine> {
     link: Arc<NatsUplink<K>>,
     /// Not announced to others: each process has its own.
@@ -52,11 +53,11 @@ where
     M::Effect: Send + 'static,
     M::Completion: Send + 'static,
 {
-    /// Starts the link's page keeper.
+    /// Starts the thread that reads and writes the entries of the directories.
     ///
-    /// - `platform`: the platform of the pages.
+    /// - `platform`: the name of the platform.
     /// - `process`: the part after `@` in the names of agents that exist in this process only.
-    /// - `services`: its Start Service, AMS and DF.
+    /// - `services`: the Start Service, AMS and DF of this process, which no other process reaches over the link.
     ///
     /// # Errors
     /// A thread cannot be started.
@@ -79,8 +80,8 @@ where
         Ok(Self { link, services, residents, wishes: Mutex::new(Some(wishes)), thread: Mutex::new(Some(thread)) })
     }
 
-    /// Removes the entries of this process's agents, as far as the server accepts it. The pages are inaccessible
-    /// afterwards.
+    /// Removes the entries of this process's agents from the directories, as far as the server accepts it, and blocks
+    /// meanwhile. Requests about entries get no answer afterwards.
     pub fn close(&self) {
         self.wishes.lock().unwrap_or_else(PoisonError::into_inner).take();
         if let Some(thread) = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take() {

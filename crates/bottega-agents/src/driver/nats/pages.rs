@@ -1,4 +1,5 @@
-//! The pages of a platform as notices of a farm: every process with a link to the farm can serve the platform.
+//! The entries of a platform's directories (Start Service, AMS and DF), its *pages*, stored as notices of a farm, so
+//! that every process with a link to the farm can serve the platform.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +13,7 @@ const FOLDER: &str = "page";
 /// The part of an entry's key before the agent's name.
 const OF_AGENT: &str = "/agent/";
 
-/// A store of pages in notices. Its writes block until the server confirms them.
+/// A store of directory entries in notices. Writes block until the server confirms them.
 pub struct NoticePages {
     notices: NatsNotices,
     /// Prefix of the names of this platform's notices.
@@ -33,7 +34,7 @@ struct PageWatch {
 type Replies = Vec<AddressedStore<String, usize>>;
 
 impl NoticePages {
-    /// Makes the pages of the platform with this name.
+    /// Makes the store for the entries of the platform with this name; nothing is read yet.
     pub fn new(notices: NatsNotices, platform: &str) -> Self {
         Self { notices, folder: folder(platform), watches: Vec::new(), changes: None }
     }
@@ -154,17 +155,18 @@ impl EntryStore<String, usize> for NoticePages {
     }
 }
 
-/// An agent's entry as a notice.
+/// The entry of an agent in a directory of a platform (AMS or DF), with the notice that stores it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AgentPage {
     /// The name of the agent, in lower case.
     pub agent: String,
-    /// The notice that holds the page.
+    /// The notice that stores the entry.
     pub notice: Notice,
 }
 
 impl AgentPage {
-    /// Returns all entries of agents in a platform's pages, including removed ones without text.
+    /// Returns all known entries of agents in the directories of a platform, including removed ones, whose text is
+    /// empty.
     pub fn all(notices: &NatsNotices, platform: &str) -> Vec<Self> {
         let folder = folder(platform);
         let page = |notice: Notice| {
@@ -175,7 +177,7 @@ impl AgentPage {
         notices.all(&folder).into_iter().filter_map(page).collect()
     }
 
-    /// Returns true if the page was removed.
+    /// Returns true if the entry was removed.
     pub fn is_empty(&self) -> bool {
         self.notice.text.is_empty()
     }

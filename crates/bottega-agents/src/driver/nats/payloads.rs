@@ -25,7 +25,8 @@ const HEAD_BYTES: usize = 8;
 /// Maximum number of parts being sent at a time.
 const UNDER_WAY_MAX: usize = 16;
 
-/// The payloads of a farm. Its methods block, so call them from worker threads.
+/// The payloads of a farm. Its methods block, so call them from worker threads; on a thread that runs asynchronous code
+/// they panic.
 #[derive(Clone)]
 pub struct NatsPayloads {
     context: Context,
@@ -92,7 +93,7 @@ impl NatsPayloads {
     /// Stores a payload. An existing one is never replaced.
     ///
     /// # Errors
-    /// The server does not accept it, or there is a different one with this name.
+    /// The server does not confirm it, or there is a different one with this name.
     pub fn put(&self, name: &str, bytes: &[u8]) -> Result<(), BlobError> {
         let (first, rest) = bytes.split_at(bytes.len().min(PART_BYTES - HEAD_BYTES));
         let head = [&(bytes.len() as u64).to_le_bytes()[..], first].concat();
@@ -176,7 +177,8 @@ impl NatsPayloads {
         }
     }
 
-    /// Returns the first words of the names of all payloads, sorted; empty if the server does not answer.
+    /// Returns the first parts, before the first `/`, of the names of all payloads, sorted. Some or all are missing if
+    /// the server does not answer.
     pub fn folders(&self) -> Vec<String> {
         let mut folders = Vec::new();
         self.handle.block_on(async {
@@ -191,8 +193,8 @@ impl NatsPayloads {
         folders
     }
 
-    /// Returns the approximate number of bytes by the first word of payloads' names: servers count messages, not bytes.
-    /// Empty if the server does not answer.
+    /// Returns the approximate number of bytes of payloads by the first part of their names, before the first `/`:
+    /// servers count messages, not bytes. Some or all are missing if the server does not answer.
     pub fn bytes_by_folder(&self) -> BTreeMap<String, u64> {
         let mut counts: BTreeMap<String, u64> = BTreeMap::new();
         let all = self.handle.block_on(async {
@@ -210,7 +212,7 @@ impl NatsPayloads {
         counts.into_iter().map(|(folder, count)| (folder, bytes(count))).collect()
     }
 
-    /// Deletes all payloads whose names start with this word and `/`. Failure is only logged.
+    /// Deletes all payloads whose names start with `folder` and `/`. Failure is only logged.
     pub fn forget(&self, folder: &str) {
         let subjects = format!("{}{}.>", self.prefix, names::token(folder));
         let purged = self.handle.block_on(async { self.stream.purge().filter(subjects).await });

@@ -12,7 +12,7 @@ use rustls::{
 /// Length of a pin in bytes: as hard to match as a token is to guess.
 const BYTES: usize = 16;
 
-/// The digest of a certificate (BLAKE3, truncated).
+/// The digest of a certificate (BLAKE3, truncated to 16 bytes). Its text is 32 hexadecimal digits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Pin([u8; BYTES]);
 
@@ -25,7 +25,7 @@ impl Pin {
         Self(pin)
     }
 
-    /// Returns the TLS configuration of a client that accepts only a server with this certificate.
+    /// Returns the TLS configuration of a client that accepts only a server with this certificate, and has none itself.
     pub fn client_config(self) -> ClientConfig {
         let provider = Arc::new(ring::default_provider());
         let verifier = Arc::new(OnlyThis { pin: self, provider: Arc::clone(&provider) });

@@ -20,12 +20,14 @@ struct ReloadError {
     description: Option<String>,
 }
 
-/// Makes the server reload its configuration, and waits until it has.
+/// Makes the server reload its configuration, and waits until it has, at most 2 s.
 ///
 /// - `options`: those of a user of the system account.
 ///
 /// # Errors
-/// The server is unreachable, does not support the request (2.10 is the first that does), or rejects its configuration.
+/// The server is unreachable or rejects the login; an address, the name of the farm or the credentials are invalid; the
+/// server does not confirm the request in time, or does not support it (2.10 is the first that does); it rejects its
+/// configuration; or the runtime cannot be started.
 pub fn reload_server(options: &NatsOptions) -> Result<(), NatsError> {
     let runtime = Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(async {

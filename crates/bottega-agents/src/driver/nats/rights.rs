@@ -19,7 +19,9 @@ pub struct Rights {
 }
 
 impl Rights {
-    /// Makes the rights of a machine with a group's token and without a key.
+    /// Makes the rights of a machine without a key: it may only request enrolment.
+    ///
+    /// - `group`: the group whose token the machine has.
     pub fn of_newcomer(group: &str) -> Self {
         Self { publish: vec![names::enrolment(group)], subscribe: vec![format!("{}.>", names::inbox(NEWCOMER))] }
     }

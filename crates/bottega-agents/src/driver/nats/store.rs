@@ -79,14 +79,14 @@ pub(super) async fn open(
     }
 }
 
-/// A report to a follower of the store: an entry, or the state of the reports.
+/// A report to a follower of the store, see [`NatsUplink::follow_entries`](super::NatsUplink::follow_entries).
 #[derive(Clone, Debug, PartialEq)]
 pub enum EntryUpdate<V> {
     /// The current or new state of an entry.
     Entry(Entry<V>),
-    /// All existing entries have been reported.
+    /// All existing entries have been reported; said once.
     CaughtUp,
-    /// Nothing relevant, or nothing for some time.
+    /// Nothing to report, for example because an entry was removed, or none was written for some time.
     Nothing,
 }
 

@@ -47,8 +47,8 @@ impl DfEntry {
     }
 }
 
-/// Returns the offer in an entry of the yellow pages; `None`: the text is not an entry. The end of its lease is not
-/// converted to a time.
+/// Returns the offer in the text of an entry of the yellow pages; `None`: the text is not a valid entry. Its
+/// `lease_time` counts from the beginning of 1970 (UTC), not from the start of the platform.
 pub fn read_yellow_page(text: &str) -> Option<DfAgentDescription> {
     DfEntry::parse(Calendar::default(), Time::ZERO, Revision::ABSENT, text).map(|entry| entry.offer)
 }

@@ -37,21 +37,22 @@ const SWEEP_AFTER: Duration = Duration::from_secs(1);
 /// The configuration of a DF: its leases, and the directories with which it is federated.
 #[derive(Clone, Debug)]
 pub struct DfConfig {
-    /// The DF's own id.
+    /// The identifier of the DF itself.
     pub id: AgentId,
     /// The calendar of the platform, for leases.
     pub calendar: Calendar,
-    /// Maximum lease granted. `None`: any, including unlimited.
+    /// Maximum lease granted; an offer without a lease gets this one. `None`: any, including unlimited.
     pub lease_max: Option<Duration>,
-    /// Agents that may register offers of others, such as other directories.
+    /// Agents that may register, modify and deregister offers of others.
     pub administrators: Vec<AgentId>,
-    /// Directories at which the directory registers, and which it asks too.
+    /// Directories at which the directory registers, and which it asks in federated searches.
     pub federates: Vec<AgentId>,
     /// Number that makes the directory's search ids differ from those of other processes.
     pub salt: u64,
 }
 
-/// The yellow pages: the offers of agents. An agent may register, modify and deregister its own offers only.
+/// The yellow pages: the offers of agents, and the functions of the DF. An agent may register, modify and deregister
+/// its own offers only; `administrators` may do that for all.
 #[derive(Clone, Debug)]
 pub struct Df {
     config: DfConfig,

@@ -19,12 +19,12 @@ use crate::{
     wire::{ADDRESSES_MAX, Calendar, DateTime},
 };
 
-/// The reason why a content cannot be read; also the answer to a request.
+/// The reason why a content cannot be read; if it is that of a request, also the answer to it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Unread {
-    /// The content is not understood.
+    /// The content does not belong to agent management.
     NotUnderstood(NotUnderstoodReason),
-    /// The content is a request, but malformed.
+    /// The content belongs to agent management, but is malformed.
     Refuse(RefuseReason),
 }
 
@@ -40,12 +40,13 @@ fn senseless() -> Unread {
 
 /// Returns the management content of a message.
 ///
+/// - `calendar`: converts dates to times.
 /// - `now`: the time from which relative dates count.
 /// - `act`: the performative of the message.
 /// - `content`: the terms of the content, as [`crate::sl::parse`] returns them.
 ///
 /// # Errors
-/// The content does not belong to agent management, or is a malformed request.
+/// The content does not belong to agent management, or is malformed.
 pub fn read_content(
     calendar: Calendar,
     now: Time,
