@@ -48,8 +48,8 @@ impl Credit {
     /// - `estimated`: T_est, in reference-machine time.
     /// - `own`: the agent's own seconds per second of the reference machine, as it reports them.
     /// - `taken`: the time from order to report, by the Master's clock.
-    /// - `worth`: the time other agents' zones suggest for this zone, in reference-machine time. It bounds the credit
-    ///   earned by an estimate that was too long; `None`: unknown, bounded by the measured time.
+    /// - `worth`: the time that measurements of other agents suggest for this zone, in reference-machine time. It
+    ///   bounds the credit earned by an estimate that was too long; `None`: unknown, bounded by the measured time.
     pub fn learn(&mut self, estimated: Duration, own: f64, taken: Duration, worth: Option<Duration>) {
         let taken = taken.as_secs_f64();
         let measured = taken / own;

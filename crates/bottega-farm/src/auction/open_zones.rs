@@ -38,7 +38,7 @@ impl OpenZones {
         (rank, Reverse(offer.zone))
     }
 
-    /// Adds a zone that is open for auction.
+    /// Adds a zone that is open for auction. Give each call the same `rule`, by which the zones are ordered.
     pub fn insert(&mut self, rule: AuctionRule, offer: Offer) {
         if self.waiting.insert(Self::rank(rule, &offer), offer).is_none() {
             self.time += offer.time_estimated;

@@ -5,7 +5,7 @@ use bottega_agents::AgentId;
 use super::zone::{ZoneRow, ZoneState};
 
 impl ZoneRow {
-    /// Returns true if no agent of the same machine has voted on the zone's current step.
+    /// Returns true if no agent with the same [`home`](AgentId::home) as `agent` has voted on the zone's current step.
     pub fn is_new_to(&self, agent: &AgentId) -> bool {
         self.votes.iter().all(|vote| vote.agent.home() != agent.home())
     }

@@ -53,8 +53,8 @@ pub struct ZoneRow {
     /// If this row is a piece: the zone of the Analyst that it was cut from, whose mask composes it. `None`: a zone of
     /// the Analyst.
     pub root: Option<ZoneId>,
-    /// The last piece that was cut off this zone. This entry is written before the row of the piece; an agent that finds that row
-    /// missing writes it.
+    /// The last piece that was cut off this zone. This entry is written before the row of the piece; a Master that
+    /// finds that row missing writes it.
     pub cut: Option<Cut>,
     /// A second valid order, of the agent that held the zone before another took it over: the first report counts.
     pub rival: Option<Rival>,
@@ -86,14 +86,15 @@ pub struct Rival {
 /// Minimum side of a piece, in pixels.
 const PIECE_SIDE_MIN: u32 = 8;
 
-/// The state of a zone. It only advances, except for zones taken back from an agent.
+/// The state of a zone. It only advances, unless the zone is taken back from an agent or painted again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum ZoneState {
-    /// No agent has had the zone yet.
+    /// The zone has no samples that count, and waits for an agent to profile it.
     Open,
     /// An agent paints the first samples.
     Profiling,
-    /// The zone has first samples and T_est, and waits for the auction.
+    /// The zone waits for the auction, or for the next pass over the picture: its first samples are painted, or its
+    /// time was predicted well enough without them.
     Profiled,
     /// An agent paints the zone. The fencing token is the revision of the row with this state.
     Awarded,
@@ -202,9 +203,9 @@ impl ZoneRow {
         let (low, high) = if wide { (whole.x0, whole.x1) } else { (whole.y0, whole.y1) };
         let side_min = PIECE_SIDE_MIN.max(grid);
         if high - low < 2 * side_min {
-            // Snap the cut to the grid, with both pieces at least the minimum size
             return None;
         }
+        // Snap the cut to the grid, with both pieces at least the minimum size
         let kept = (f64::from(high - low) * share).round() as u32;
         let at = nearest_multiple(low + kept.clamp(side_min, high - low - side_min), grid);
         if at < low + PIECE_SIDE_MIN || at > high - PIECE_SIDE_MIN {
@@ -273,7 +274,7 @@ impl ZoneRow {
         Self { choice: Some(choice), result: None, goal: None, time_estimated, ..self.clone() }
     }
 
-    /// Returns the agents that hold the zone: its agent and the rival.
+    /// Returns the agents that hold the zone: its agent and the rival; none if the zone is not in hand.
     pub fn holders(&self) -> impl Iterator<Item = &AgentId> {
         let holders = [self.agent.as_ref(), self.rival.as_ref().map(|rival| &rival.agent)];
         holders.into_iter().flatten().filter(|_| self.is_in_hand())
