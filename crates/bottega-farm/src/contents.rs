@@ -28,7 +28,7 @@ pub mod protocol {
 pub struct Offer {
     /// The id of the zone.
     pub zone: ZoneId,
-    /// Predicted cost of its pixels, in average pixels of the frame.
+    /// Predicted cost of the zone's pixels, in average pixels of the frame.
     pub complexity: f64,
     /// T_est, in reference-machine time.
     pub time_estimated: Duration,
@@ -39,7 +39,7 @@ pub struct Offer {
 pub struct Bid {
     /// The id of the zone.
     pub zone: ZoneId,
-    /// Time from now until the agent finishes it, if it is the agent's next zone.
+    /// Time from the bid until the agent finishes the zone, if it is the agent's next zone.
     pub finish: Duration,
 }
 
@@ -65,7 +65,8 @@ pub struct Report {
     pub fence: Revision,
     /// The painting, or the error.
     pub outcome: Result<Painting, String>,
-    /// The rules that chose the settings: see [`Expert::reasons`](crate::Expert::reasons).
+    /// The rules that chose the settings: see [`Expert::reasons`](crate::Expert::reasons). `None`: the agent's rules
+    /// did not choose them, or optimization is off.
     pub reasons: Option<Arc<str>>,
 }
 
@@ -92,7 +93,7 @@ pub struct PassedOrder {
     pub kept: f64,
 }
 
-/// A life-cycle operation that every agent supports (MAGarRO, section 3.1; FIPA00023).
+/// A life-cycle operation that a Master requests of its Render Agents (MAGarRO, section 3.1; FIPA00023).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum LifeCycle {
     /// Take no new zones, but finish those in hand.
@@ -108,7 +109,7 @@ pub enum LifeCycle {
 pub enum FarmContent {
     /// *subscribe*: an agent registers, with the results of its benchmark.
     Subscription {
-        /// V_cp: its relative power; 1 is the reference machine, 0.5 is twice as fast.
+        /// V_cp: the relative power of the agent; 1 is the reference machine, 0.5 is twice as fast.
         power: RelativePower,
         /// Number of processors that work on the agent's zones at once.
         lanes: f64,
@@ -127,9 +128,9 @@ pub enum FarmContent {
     Offers(Arc<[Offer]>),
     /// *propose*: the agent's bids.
     Bids {
-        /// The number of zones that it has room for.
+        /// The number of zones that the agent has room for.
         room: u32,
-        /// One bid per zone that it wants.
+        /// One bid per zone that the agent wants.
         bids: Vec<Bid>,
     },
     /// *accept-proposal*: paint this zone.
@@ -161,7 +162,7 @@ pub enum FarmContent {
     },
     /// *inform*: the heartbeat of an agent.
     Alive {
-        /// V_cp: its relative power; 1 is the reference machine, 0.5 is twice as fast.
+        /// V_cp: the relative power of the agent; 1 is the reference machine, 0.5 is twice as fast.
         power: RelativePower,
         /// The orders that the agent holds.
         orders: Vec<Holding>,
@@ -191,7 +192,7 @@ pub enum FarmContent {
     },
     /// *request*: suspend, resume, terminate.
     LifeCycle(LifeCycle),
-    /// The performative alone: *refuse*, *reject-proposal*, *not-understood*.
+    /// No content, because the performative says all: *refuse*, *reject-proposal*, *not-understood*.
     Nothing,
     /// A message to or from the platform's services; never leaves the process.
     Management(Arc<ManagementContent>),

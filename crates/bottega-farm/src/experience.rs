@@ -127,7 +127,8 @@ pub struct LearntFactor {
     /// `time`: a factor on the time predicted by the survey, for a technique; `picture`: a further one for a picture that was
     /// painted before; `power`: on V_cp.
     pub of: String,
-    /// The kind of tasks that it applies to.
+    /// The kind of tasks to which the factor applies: a technique, with a feature or a kind of picture; or a picture by
+    /// the first digits of its scene and view.
     pub tasks: String,
     /// The factor. Those of the features of a zone multiply that of its technique.
     pub factor: f64,
@@ -148,19 +149,19 @@ pub enum ExperienceError {
     /// The text is not JSON, or has other fields.
     #[error("not the experience of a machine")]
     Syntax(#[source] serde_json::Error),
-    /// The text has another version of the format.
+    /// A later version of Bottega has written the text: its format is newer.
     #[error("the experience has format {found}, not {FORMAT}: a newer version of bottega has written it")]
     Format {
         /// The version found.
         found: u32,
     },
-    /// An earlier version of Bottega has written it.
+    /// An earlier version of Bottega has written the text: its format is older.
     #[error("the experience has the earlier format {found}, not {FORMAT}")]
     Earlier {
         /// The version found.
         found: u32,
     },
-    /// A number is out of range.
+    /// A learned number of these tasks is out of range, or a list has a wrong length.
     #[error("the experience with `{tasks}` is not a valid number")]
     Factor {
         /// The kind of tasks.

@@ -171,27 +171,28 @@ pub enum JobError {
         /// Height of the picture, in pixels.
         height: u32,
     },
-    /// A number is out of range.
+    /// A number is 0 or above its maximum.
     #[error("{value} {what} cannot be")]
     Count {
-        /// The name of the setting.
+        /// The name of the setting, in the plural, for display.
         what: &'static str,
         /// The value that is out of range.
         value: usize,
     },
-    /// The stored progress is of another job.
+    /// The stored progress was painted with other settings: another size, crop, number of samples, goal, optimization,
+    /// or other [`Tunables`].
     #[error("the stored progress has other settings")]
     OtherWork,
-    /// The goal is not a positive finite number.
+    /// The requested error is not a positive finite number, or the requested time is 0.
     #[error("the requested error or time must be greater than 0")]
     Goal,
-    /// The scene could not be analyzed, or an internal step failed.
+    /// The scene could not be surveyed, analyzed or prepared, or an agent ended before the work.
     #[error("the job was given up: {reason}")]
     Abandoned {
         /// The cause, for display.
         reason: String,
     },
-    /// Results cannot be compared.
+    /// [`JobSettings::verify`] is above 1, but there are no other machines with which to compare results.
     #[error("cannot compare the results of agents: {reason}")]
     Verify {
         /// The reason why they cannot, for display.

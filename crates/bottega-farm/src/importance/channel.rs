@@ -20,7 +20,8 @@ pub enum Channel {
     Shadow,
     /// Vertices per path at surfaces with several lobes, plus texture lookups: the cost of scattering.
     Material,
-    /// Levels of recursion in mirror and transparent surfaces.
+    /// Levels of recursion in mirror and transparent surfaces: mean number of consecutive mirrored or refracted
+    /// bounces.
     Recursion,
     /// Nearness of the first surface: 1 for the nearest, falling with the reciprocal of distance, 0 without a surface.
     Depth,
