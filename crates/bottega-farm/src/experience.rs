@@ -127,8 +127,8 @@ pub struct LearntFactor {
     /// `time`: a factor on the time predicted by the survey, for a technique; `picture`: a further one for a picture that was
     /// painted before; `power`: on V_cp.
     pub of: String,
-    /// The kind of tasks to which the factor applies: a technique, with a feature or a kind of picture; or a picture by
-    /// the first digits of its scene and view.
+    /// The tasks to which the factor applies: those of a technique, of a feature of zones or a kind of picture under
+    /// it, or of one picture, named by the first digits of its scene and view.
     pub tasks: String,
     /// The factor. Those of the features of a zone multiply that of its technique.
     pub factor: f64,
