@@ -79,7 +79,7 @@ pub struct WorkRow {
 pub struct AgentRow {
     /// The name of the agent.
     pub agent: AgentId,
-    /// V_cp: its relative power; 1 is the reference machine, 0.5 is twice as fast.
+    /// V_cp: the relative power of the agent; 1 is the reference machine, 0.5 is twice as fast.
     pub power: RelativePower,
     /// Number of processors that work on the agent's zones at once; may be a fraction if agents share a machine.
     pub lanes: f64,

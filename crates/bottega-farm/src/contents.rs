@@ -89,7 +89,7 @@ pub struct PassedOrder {
     pub zone: ZoneId,
     /// The fencing token of the order.
     pub fence: Revision,
-    /// The share of the zone that the giver keeps, if it can be cut, 0..1; 0: nothing.
+    /// The share of the zone that the giver keeps, 0..1; 0: nothing. It counts only if the zone can be cut.
     pub kept: f64,
 }
 

@@ -106,7 +106,7 @@ pub struct RegistrationConfig {
     pub start: AgentId,
     /// The id of the work.
     pub work: WorkId,
-    /// The number of the job, if it has one.
+    /// The number of the work's job; `None`: it has none.
     pub job: Option<u32>,
     /// The machine of the Master, as [`machine_of`] gives it; agents elsewhere that claim to be the Master are ignored.
     /// `None`: no check.

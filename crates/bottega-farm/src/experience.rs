@@ -86,7 +86,7 @@ struct LearntTechnique {
 pub struct PaintedZone {
     /// The survey's prediction for the zone.
     pub outlook: TaskOutlook,
-    /// Samples per pixel.
+    /// Samples per pixel that the user requested; rules may have chosen fewer.
     pub samples: u32,
     /// Time of all samples, in the painter's own processor time.
     pub time: Duration,
@@ -103,7 +103,7 @@ pub struct JobLesson {
     pub features: TaskFeatures,
     /// The survey's predictions.
     pub outlook: Arc<PictureOutlook>,
-    /// V_cp at the end of the job, if it was compared with other machines.
+    /// V_cp at the end of the job; `None`: no other machine took part, with which it could be compared.
     pub power: Option<RelativePower>,
     /// V_cp at the end of the job, for converting times to those of the reference machine.
     pub to_reference: RelativePower,
@@ -130,7 +130,7 @@ pub struct LearntFactor {
     /// The tasks to which the factor applies: those of a technique, of a feature of zones or a kind of picture under
     /// it, or of one picture, named by the first digits of its scene and view.
     pub tasks: String,
-    /// The factor. Those of the features of a zone multiply that of its technique.
+    /// The factor. The factors of a zone's features multiply the factor of its technique.
     pub factor: f64,
     /// Expected relative error of a time predicted so, one standard deviation; `None`: not known for one factor alone.
     pub error: Option<f64>,

@@ -32,7 +32,7 @@ impl Default for GoalRules {
 }
 
 impl GoalRules {
-    /// Parses rules from FCL text. If they lack an output, its default counts: no more samples, and 0.75 of the
+    /// Parses rules from FCL text. If the rules lack an output, a default counts: no more samples, and 0.75 of the
     /// remaining time.
     ///
     /// # Errors
@@ -48,7 +48,7 @@ impl GoalRules {
         value.is_finite().then_some(value)
     }
 
-    /// Returns the number of samples per pixel that a zone should reach next; `samples` if it is finished.
+    /// Returns the number of samples per pixel that a zone should reach next; `samples` if the zone is finished.
     ///
     /// - `samples`, `samples_max`: samples per pixel reached so far, and their maximum.
     /// - `error`: the estimated relative error; `None`: not known yet.

@@ -26,7 +26,7 @@ pub struct Painting {
     pub result: ResultRef,
     /// T: the painting time, in reference-machine time.
     pub time_measured: Duration,
-    /// The painting time by the agent's own clock, before conversion to reference time.
+    /// Processor time of the painting on the agent's machine, before conversion to reference time.
     pub busy: Duration,
     /// `true`: these times measure painting alone; as far as the agent knows nothing was loaded, compiled or started
     /// meanwhile.

@@ -133,9 +133,9 @@ pub struct WorkSettings {
     pub samples: u32,
     /// The condition under which a zone is finished.
     pub goal: Goal,
-    /// The other settings that rules may lower.
+    /// The settings besides `samples` that rules may lower.
     pub tunables: Tunables,
-    /// The degree to which rules may lower them.
+    /// The degree to which rules may lower `samples` and `tunables`.
     pub optimization: Optimization,
 }
 

@@ -32,7 +32,7 @@ pub struct PaintOrder {
     pub error_use: ErrorUse,
     /// The maximum number of samples per pixel, over this order and later ones.
     pub samples_max: u32,
-    /// Expected time, in the agent's own time, if known: for progress displays and for cutting long work into passes.
+    /// Expected processor time of the agent, if known: for progress displays and for cutting long work into passes.
     pub time_estimated: Option<Duration>,
 }
 

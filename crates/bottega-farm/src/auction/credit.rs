@@ -18,7 +18,7 @@ pub struct Credit {
     pub sum: f64,
     /// Promised times, in the agent's own seconds; a decaying sum in which older zones count less.
     pub promised: f64,
-    /// Measured times of the same zones, in the agent's own seconds, decayed alike.
+    /// Measured times of the same zones, in the agent's own seconds; a sum that decays in the same way.
     pub taken: f64,
 }
 

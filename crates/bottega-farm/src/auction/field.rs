@@ -120,8 +120,8 @@ impl Classes {
 impl Field {
     /// Sets the speed and load of an agent; `None` removes it: it takes no zones now.
     ///
-    /// - `pace`: own seconds per second of the reference machine, and the time at which it will have painted what it
-    ///   holds, if it holds anything.
+    /// - `pace`: the seconds that the agent needs for one second of work of the reference machine, and the time at
+    ///   which it will have painted what it holds, if it holds anything.
     pub fn set(&mut self, member: MemberId, pace: Option<(f64, Option<Time>)>) {
         let Some((own, ready)) = pace else { return self.remove(member) };
         // Update the agent's entry, or add one
@@ -174,7 +174,7 @@ impl Field {
         self.paces.iter().map(|pace| pace.own.recip()).sum()
     }
 
-    /// Returns the expected end of all work if it is divided without loss, in seconds from now; infinite without
+    /// Returns the expected end of all work if the work is divided without loss, in seconds from now; infinite without
     /// agents. Reuses the last value while little has changed.
     ///
     /// Agents that are busy beyond that time cannot help before it and are left out.

@@ -45,7 +45,9 @@ impl OpenZones {
         }
     }
 
-    /// Removes a zone, given as it was inserted.
+    /// Removes a zone, waiting or on offer; no effect if it is neither.
+    ///
+    /// - `offer`: the same as when the zone was inserted.
     pub fn remove(&mut self, rule: AuctionRule, offer: &Offer) {
         if self.waiting.remove(&Self::rank(rule, offer)).is_some() || self.offered.remove(&offer.zone).is_some() {
             self.time -= offer.time_estimated;

@@ -18,7 +18,8 @@ pub struct RoundSummary {
     pub bids: u32,
     /// Number of zones, or pieces of zones, awarded.
     pub awards: u32,
-    /// Number of zones awarded to another bidder than the one that chose them, because it finishes them sooner.
+    /// Number of zones awarded to a bidder that did not choose them, because it finishes them sooner than the one that
+    /// did.
     pub outbid: u32,
     /// True if credit decided an award: see [`Decision::credit_decided`](crate::Decision::credit_decided).
     pub credit_decided: bool,
@@ -49,7 +50,8 @@ pub struct AuctionTally {
     pub rounds: u64,
     /// Number of rounds with several bidders.
     pub contested: u64,
-    /// Number of zones awarded to another bidder than the one that chose them, because it finished them sooner.
+    /// Number of zones awarded to a bidder that did not choose them, because it finishes them sooner than the one that
+    /// did.
     pub outbid: u64,
     /// Number of rounds in which credit decided an award: see [`RoundSummary::credit_decided`].
     pub credit_decided: u64,

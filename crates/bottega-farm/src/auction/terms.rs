@@ -58,7 +58,7 @@ impl AuctionRule {
 pub struct Proposal {
     /// The number of zones that the agent has room for.
     pub room: u32,
-    /// The bids of the agent: one per zone that it wants.
+    /// One bid per zone that the agent wants.
     pub bids: Vec<Bid>,
 }
 
@@ -69,10 +69,11 @@ pub struct Bidder {
     pub agent: MemberId,
     /// The bidder's credit by the paper: the sum of T_est − T, in seconds.
     pub credit: f64,
-    /// The factor on the bidder's promises, from its reliability: 1 if it kept them, 0.5 if zones took twice as long.
+    /// The factor on the bidder's promises, from its reliability: 1 if promises were kept, 0.5 if zones took twice as
+    /// long.
     pub worth: f64,
-    /// Seconds that all processors of the bidder together need for one second of work of the reference machine, as it
-    /// reports them.
+    /// Seconds that all processors of the bidder together need for one second of work of the reference machine, as the
+    /// bidder reports them.
     pub own: f64,
     /// The number of zones that the agent lacks to have as many as it works on at once.
     pub needs: u32,
@@ -108,7 +109,8 @@ pub struct BidderStanding<'a> {
 pub struct Decision {
     /// The awards, one per winner and zone.
     pub awards: Vec<Award>,
-    /// Number of zones awarded to another bidder than the one that chose them, because it finishes them sooner.
+    /// Number of zones awarded to a bidder that did not choose them, because it finishes them sooner than the one that
+    /// did.
     pub outbid: u32,
     /// True if credit decided an award: the awards differ from those of a round that believes all promises equally, or
     /// under [`AuctionRule::Paper`] a bidder won against an earlier one by more credit.

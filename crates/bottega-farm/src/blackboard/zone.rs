@@ -32,11 +32,13 @@ pub struct ZoneRow {
     /// The paper's T_real: the measured time of the zone's last painting, in reference-machine time. `None`: nothing is
     /// painted but the profile, and the goal is not a time.
     pub time_measured: Option<Duration>,
-    /// The agent that is, or was last, responsible for the zone; `None`: none was yet.
+    /// The agent that is, or was last, responsible for the zone; `None`: none was, or the zone was opened again without
+    /// it.
     pub agent: Option<AgentId>,
     /// The state of the zone, from unprofiled to done.
     pub state: ZoneState,
-    /// Number of times that the zone was taken from an agent that failed or stopped responding.
+    /// Number of failed attempts that count against the zone: each time it was taken from an agent that failed or
+    /// stopped responding.
     pub attempt: u32,
     /// The settings: chosen at profiling, and again by the winner of the auction if its rules decide. `None`: not yet chosen.
     pub choice: Option<Choice>,
@@ -58,8 +60,8 @@ pub struct ZoneRow {
     pub cut: Option<Cut>,
     /// A second valid order, of the agent that held the zone before another took it over: the first report counts.
     pub rival: Option<Rival>,
-    /// The paintings that agents reported for its current step, until enough of them agree. Empty if paintings are not
-    /// compared.
+    /// The paintings that agents reported for the zone's current step, until enough of them agree. Empty if paintings
+    /// are not compared.
     pub votes: Vec<Vote>,
     /// The agent whose unconfirmed painting was accepted, where other agents' confirmation was requested.
     pub word_of: Option<AgentId>,
@@ -357,7 +359,8 @@ impl ZoneRow {
         })
     }
 
-    /// Returns the row after a restart of the whole farm: no agent holds it, and no failed attempts count.
+    /// Returns the row after a restart of the whole farm: no agent holds the zone, no failed attempts count, and a zone
+    /// that was given up waits again.
     #[must_use]
     pub fn resumed(&self) -> Self {
         let state = match self.state {

@@ -34,12 +34,12 @@ pub struct Link {
     pub work: WorkId,
     /// The number of the work's job. `None`: no job; its agents know their Master's name and are not registered.
     pub job: Option<u32>,
-    /// The unique name of this process, which its agents' names end with.
+    /// The unique name of this process, with which the names of its agents end.
     pub name: String,
 }
 
 impl Link {
-    /// Returns the name of the work's Master, whichever process leads it.
+    /// Returns the id of the work's Master, with its address; the name is the same whichever process leads the work.
     pub fn master(&self) -> AgentId {
         self.agent(format!("master@work-{}", self.work.0))
     }

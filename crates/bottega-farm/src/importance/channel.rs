@@ -66,7 +66,7 @@ impl Channel {
         }
     }
 
-    /// Returns a short description of its values, for users.
+    /// Returns a short description of the channel's values, for users.
     pub fn meaning(self) -> &'static str {
         match self {
             Self::Steps => "traversal steps of a path",

@@ -47,7 +47,7 @@ pub struct Incident {
     pub at: Duration,
     /// Index of the agent.
     pub agent: usize,
-    /// The kind, with its parameters.
+    /// The kind of the incident, with its parameters.
     pub kind: IncidentKind,
 }
 

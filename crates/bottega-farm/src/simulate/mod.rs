@@ -50,7 +50,7 @@ const AFTERWARDS: Duration = Duration::from_secs(20);
 pub struct Plan {
     /// The machines of the farm, with their faults.
     pub farm: FarmSpec,
-    /// Faults of the network. Agents that it kills come back; those of [`FarmSpec::incidents`] do not.
+    /// Faults of the network. Agents that these faults kill come back; those of [`FarmSpec::incidents`] do not.
     pub faults: Faults,
     /// `true`: the faults may kill the Master.
     pub master_may_crash: bool,
