@@ -91,7 +91,7 @@ impl fmt::Display for ImportanceFunction {
     }
 }
 
-/// An error in making an importance map.
+/// An error in making an importance map, or in parsing the name of its function.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ImportanceError {
     /// The survey has no cells, too many, or another number of pixels than cells.

@@ -17,7 +17,7 @@ pub struct ResultRef {
     pub digest: BlobId,
 }
 
-/// A report of painted samples of a zone.
+/// The painted samples of a zone, by reference, with their settings and times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Painting {
     /// The settings used.

@@ -125,7 +125,7 @@ pub struct FunctionBlock {
     pub(crate) rule_blocks: Vec<RuleBlock>,
 }
 
-/// An error in laying out an interval found at run time.
+/// An error of [`FunctionBlock::layout_inputs`].
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LayoutError {
     /// The block has no such input.
@@ -250,6 +250,9 @@ impl InputVariable {
 impl OutputVariable {
     /// Returns the interval of defuzzification: the declared range, or else from the least to the greatest point of the
     /// terms.
+    ///
+    /// # Panics
+    /// If there is neither a declared range nor a term, or a term without a point; the parser makes no such variable.
     pub fn declared_range(&self) -> (f64, f64) {
         self.range.unwrap_or_else(|| extent(&self.terms))
     }

@@ -110,7 +110,7 @@ macro_rules! words {
             /// All variants, in the order of their declaration.
             pub const ALL: &[Self] = &[$(Self::$variant),+];
 
-            /// Returns the keyword of the operator in FCL.
+            /// Returns the keyword of the operator or method in FCL, such as `MIN`.
             pub fn word(self) -> &'static str {
                 match self { $(Self::$variant => $word),+ }
             }

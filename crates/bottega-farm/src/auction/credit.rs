@@ -43,7 +43,7 @@ impl Credit {
         Self { sum: 0.0, ..*self }
     }
 
-    /// Records a finished zone.
+    /// Records a finished zone; ignores it if its estimate is zero.
     ///
     /// - `estimated`: T_est, in reference-machine time.
     /// - `own`: the agent's own seconds per second of the reference machine, as it reports them.

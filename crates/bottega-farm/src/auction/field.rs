@@ -157,7 +157,8 @@ impl Field {
         self.classes.get_mut().remove(member, &pace);
     }
 
-    /// Frees the index by speed if nothing has used it since the last call.
+    /// Frees the index of the agents by speed, unless [`Field::soonest`] or [`Field::anybody_sooner`] has used it since
+    /// the last call.
     pub fn rest(&mut self) {
         let classes = self.classes.get_mut();
         if !std::mem::take(&mut classes.was_used) && std::mem::take(&mut classes.is_kept) {

@@ -10,8 +10,8 @@ impl ZoneRow {
         self.votes.iter().all(|vote| vote.agent.home() != agent.home())
     }
 
-    /// Returns the row with its samples discarded. The chosen settings stay, because the neighbors' bands were made
-    /// for them.
+    /// Returns the row without its samples, votes and times: the zone is open again. The chosen settings stay, because
+    /// the neighbors' bands were made for them.
     #[must_use]
     pub fn unpainted(&self) -> Self {
         Self {
@@ -27,7 +27,8 @@ impl ZoneRow {
         }
     }
 
-    /// Returns the row with this many attempts fewer, for failures that were not the zone's fault.
+    /// Returns the row with this many attempts fewer, for failures that were not the zone's fault. A zone that was
+    /// given up waits again.
     #[must_use]
     pub fn forgiven(&self, attempts: u32) -> Self {
         let attempt = self.attempt.saturating_sub(attempts);

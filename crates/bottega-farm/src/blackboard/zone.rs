@@ -255,8 +255,8 @@ impl ZoneRow {
         }
     }
 
-    /// Returns true if the rules of the agent that wins the zone choose its settings: only profiling samples are painted, and
-    /// no part of it was given to another agent.
+    /// Returns true if the rules of the agent that wins the zone choose its settings: optimization is on, the goal is a
+    /// number of samples, no samples but those of profiling are painted, nothing was cut off, and there are no votes.
     pub fn is_undecided(&self, settings: &WorkSettings) -> bool {
         let is_whole = self.piece.is_none() && self.cut.is_none() && self.votes.is_empty();
         let is_profiled = |choice: Choice| self.samples_done() <= choice.profile_samples(&settings.goal);

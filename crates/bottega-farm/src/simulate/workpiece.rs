@@ -105,8 +105,8 @@ pub enum WorkpieceError {
 impl Workpiece {
     /// Makes the work of a record.
     ///
-    /// - `scale`: each zone is cut into this many, of about equal size, with predicted costs in proportion to their
-    ///   sizes.
+    /// - `scale`: each zone is cut into this many, or as many as its pixels allow, of about equal size, with predicted
+    ///   costs in proportion to their sizes.
     ///
     /// # Errors
     /// The work has no zones, or too many; or the recorded rules cannot be used.
