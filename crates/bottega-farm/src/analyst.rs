@@ -31,7 +31,7 @@ pub struct AnalystConfig {
     pub work: WorkId,
     /// The user's settings of the work.
     pub settings: WorkSettings,
-    /// The importance function.
+    /// The function that gives each cell of the survey its cost.
     pub importance: ImportanceFunction,
     /// The target of the partition: its level, and the number and limits of zones.
     pub partition: PartitionSettings,

@@ -36,9 +36,9 @@ impl Interval {
 pub struct InputRanges {
     /// The range of [`ZoneRow::complexity_density`].
     pub complexity_density: Interval,
-    /// The range of neighbor differences.
+    /// The range of the zones' mean neighbor differences.
     pub neighbor_difference: Interval,
-    /// The range of sizes in pixels.
+    /// The range of the zones' sizes, in pixels: [`ZoneRow::size`].
     pub size: Interval,
 }
 

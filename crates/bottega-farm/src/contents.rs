@@ -63,7 +63,7 @@ pub struct Report {
     pub zone: ZoneId,
     /// The fencing token of the order.
     pub fence: Revision,
-    /// The painting, or the error.
+    /// The painting; or the error, as text for the user.
     pub outcome: Result<Painting, String>,
     /// The rules that chose the settings: see [`Expert::reasons`](crate::Expert::reasons). `None`: the agent's rules
     /// did not choose them, or optimization is off.
@@ -78,7 +78,7 @@ pub struct Holding {
     /// The fencing token of the order.
     pub fence: Revision,
     /// Progress: 1 plus the number of painted samples, summed over the pixels, as last queried. 0: not begun, because
-    /// preparation for all zones is not finished; `u64::MAX`: reported.
+    /// the order waits for others, or preparation for all zones is not finished; `u64::MAX`: reported.
     pub progress: u64,
 }
 
@@ -89,7 +89,8 @@ pub struct PassedOrder {
     pub zone: ZoneId,
     /// The fencing token of the order.
     pub fence: Revision,
-    /// The share of the zone that the giver keeps, 0..1; 0: nothing. It counts only if the zone can be cut.
+    /// The share of the zone that the giver keeps, 0..1; 0: nothing. A zone that cannot be cut is handed over as a
+    /// whole if the share is at most 0.5, and stays with the giver otherwise.
     pub kept: f64,
 }
 
@@ -153,7 +154,8 @@ pub enum FarmContent {
         /// The reason, as text for the user.
         reason: String,
     },
-    /// *cancel*: another agent has painted this zone; the order is void.
+    /// *cancel*: the order is void, because another agent has painted the zone, or the order made no progress for too
+    /// long.
     Withdrawn {
         /// The id of the zone.
         zone: ZoneId,

@@ -101,7 +101,7 @@ pub struct JobLesson {
     pub subject: Subject,
     /// The survey's features of the whole picture.
     pub features: TaskFeatures,
-    /// The survey's predictions.
+    /// The survey's predictions for the picture and its zones.
     pub outlook: Arc<PictureOutlook>,
     /// V_cp at the end of the job; `None`: no other machine took part, with which it could be compared.
     pub power: Option<RelativePower>,
@@ -132,7 +132,8 @@ pub struct LearntFactor {
     pub tasks: String,
     /// The factor. The factors of a zone's features multiply the factor of its technique.
     pub factor: f64,
-    /// Expected relative error of a time predicted so, one standard deviation; `None`: not known for one factor alone.
+    /// Expected relative error of a time predicted with this factor, one standard deviation; `None`: not known for one
+    /// factor alone.
     pub error: Option<f64>,
     /// Number of zones on which the factor is based; older jobs count less.
     pub zones: f64,
@@ -143,7 +144,7 @@ pub struct LearntFactor {
 /// An error in reading the text of an experience.
 #[derive(Debug, thiserror::Error)]
 pub enum ExperienceError {
-    /// The text is longer than the maximum.
+    /// The text is longer than the maximum: its length, in bytes.
     #[error("the text has {0} bytes, more than an experience can have")]
     TooLong(usize),
     /// The text is not JSON, or has other fields.

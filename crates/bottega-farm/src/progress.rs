@@ -22,7 +22,8 @@ pub struct Progress {
     pub samples_done: u64,
     /// Number of all samples, over all pixels, as chosen so far: rules may still lower it.
     pub samples: u64,
-    /// Predicted share of the cost that is done, 0..=1: by T_est for profiled zones, by the importance map for others.
+    /// Predicted share of the cost that is done, 0..=1: by T_est for profiled zones, by earlier works or the importance
+    /// map for others.
     pub cost_done: f64,
     /// Time from the first row of a zone that was seen to the latest one.
     pub elapsed: Duration,

@@ -51,7 +51,7 @@ pub enum VisitorEffect {
         /// The call in which the zone was won; `None`: first samples of a zone.
         call: Option<u64>,
     },
-    /// The order is cancelled: its samples are no longer needed.
+    /// The order is cancelled; its result is ignored.
     Withdrawn {
         /// The id of the zone.
         zone: ZoneId,

@@ -65,7 +65,8 @@ pub enum FarmEffect {
     Benchmark,
     /// Fetch the scene from the Model Repository; answered by [`FarmCompletion::Fetched`].
     Fetch(WorkId),
-    /// Paint; answered by [`FarmCompletion::Painted`].
+    /// Paint the samples of this order; answered by [`FarmCompletion::Painted`], unless the order is cancelled or the
+    /// job is stopped.
     Paint(PaintOrder),
     /// Cancel painting of this order; it is not answered.
     Drop {
@@ -76,7 +77,7 @@ pub enum FarmEffect {
     },
     /// Query the progress of orders; answered by [`FarmCompletion::Looked`].
     Look(Vec<(ZoneId, Revision)>),
-    /// The Master has excluded this agent from the work.
+    /// The Master has excluded this agent from the work, or the AMS has ended the agent.
     Dismissed {
         /// The reason, as text for the user.
         reason: String,

@@ -128,7 +128,7 @@ pub struct FunctionBlock {
 /// An error of [`FunctionBlock::layout_inputs`].
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LayoutError {
-    /// The block has no such input.
+    /// The block has no input of this name.
     #[error("the function block has no input `{0}`")]
     UnknownInput(String),
     /// An end or the width of the interval is not finite, or its ends are swapped.

@@ -11,13 +11,13 @@ use crate::{
 /// An error in evaluating a block.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum EvaluateError {
-    /// A value was given for an unknown input.
+    /// A value was given for this name, which no input has.
     #[error("the function block has no input `{0}`")]
     UnknownInput(String),
-    /// An input has no value.
+    /// No value was given for the input of this name.
     #[error("the input `{0}` has no value")]
     MissingInput(String),
-    /// A value is NaN.
+    /// The value of the input of this name is NaN.
     #[error("the value of the input `{0}` is not a number")]
     NotANumber(String),
     /// The number of values given to [`FunctionBlock::evaluate_indexed`] is wrong.

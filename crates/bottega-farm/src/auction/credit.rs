@@ -14,7 +14,8 @@ const RELIABILITY_RANGE: (f64, f64) = (1.0 / 16.0, 2.0);
 /// An agent's record of promised and measured times.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Credit {
-    /// The paper's credit: the sum of T_est − T over its zones, in seconds of reference-machine time.
+    /// The paper's credit: the sum of T_est − T over the agent's zones in the present work, in seconds of
+    /// reference-machine time.
     pub sum: f64,
     /// Promised times, in the agent's own seconds; a decaying sum in which older zones count less.
     pub promised: f64,

@@ -94,7 +94,7 @@ pub struct Award {
 
 /// The Master's knowledge at the end of a round.
 pub struct BidderStanding<'a> {
-    /// All agents of the Master, including those that do not bid.
+    /// All agents of the Master that may take zones, including those that do not bid.
     pub field: &'a Field,
     /// The end of the round, in seconds since the start of the platform.
     pub now: f64,
@@ -107,7 +107,7 @@ pub struct BidderStanding<'a> {
 /// The decision of a round: its awards, and figures about them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Decision {
-    /// The awards, one per winner and zone.
+    /// The awards, one for each zone that has a winner.
     pub awards: Vec<Award>,
     /// Number of zones awarded to a bidder that did not choose them, because it finishes them sooner than the one that
     /// did.

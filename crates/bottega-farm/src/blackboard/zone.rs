@@ -42,13 +42,14 @@ pub struct ZoneRow {
     pub attempt: u32,
     /// The settings: chosen at profiling, and again by the winner of the auction if its rules decide. `None`: not yet chosen.
     pub choice: Option<Choice>,
-    /// The agent and the rules that chose the settings.
+    /// The rules that chose the settings, with their degrees: see [`Expert::reasons`](crate::Expert::reasons). `None`:
+    /// no rules chose them yet.
     pub reasons: Option<Arc<str>>,
-    /// The samples painted so far.
+    /// The samples painted so far, by reference; `None`: none.
     pub result: Option<ResultRef>,
     /// Samples per pixel that the zone's next painting reaches; `None`: all samples of its choice.
     pub goal: Option<u32>,
-    /// Estimated relative error of the samples so far, if requested.
+    /// Estimated relative error of the samples so far; `None`: not requested, or not known.
     pub error: Option<f64>,
     /// If this row is a piece of a zone: the pixels of the piece. `None`: the whole zone with its band.
     pub piece: Option<Rect>,

@@ -48,7 +48,7 @@ const AFTERWARDS: Duration = Duration::from_secs(20);
 /// The plan of a simulation: agents, network and rules.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// The machines of the farm, with their faults.
+    /// The machines and the agents of the farm, with their incidents.
     pub farm: FarmSpec,
     /// Faults of the network. Agents that these faults kill come back; those of [`FarmSpec::incidents`] do not.
     pub faults: Faults,

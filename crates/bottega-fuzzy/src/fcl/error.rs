@@ -58,14 +58,14 @@ pub enum FclErrorKind {
     /// An unexpected token.
     #[error("expected {expected}, found {found}{}", did_you_mean(.suggestion))]
     Unexpected {
-        /// The expected tokens.
+        /// The expected tokens, for display.
         expected: String,
         /// The token found.
         found: String,
         /// A similar keyword, if any.
         suggestion: Option<String>,
     },
-    /// A number that is too large for a 64-bit float.
+    /// A number that is too large for a 64-bit float, as written.
     #[error("`{0}` is not a usable number")]
     BadNumber(String),
     /// An undeclared name.
@@ -81,7 +81,7 @@ pub enum FclErrorKind {
     /// A name or clause that is declared twice.
     #[error("{what} `{name}` is declared twice")]
     Twice {
-        /// The kind of thing.
+        /// The kind of thing, for display: `the variable`, `the term`, or a clause such as `RANGE`.
         what: &'static str,
         /// The name that is declared twice; for a clause, the name of its variable or rule block.
         name: String,
@@ -89,7 +89,7 @@ pub enum FclErrorKind {
     /// A variable has no `TERM`, no `METHOD` or no block of its own, or a rule uses it before that block.
     #[error("{what} `{name}` {lacks}")]
     Incomplete {
-        /// The kind of thing.
+        /// The kind of variable, for display: `the input` or `the output`.
         what: &'static str,
         /// The name of the variable.
         name: String,
@@ -102,7 +102,7 @@ pub enum FclErrorKind {
     /// A degree or weight outside of 0..=1.
     #[error("{what} {value} lies outside of 0 to 1")]
     OutsideUnit {
-        /// The name of the number.
+        /// The name of the number, for display: `the degree`, `the weight`.
         what: &'static str,
         /// The value that was read.
         value: f64,
@@ -132,7 +132,7 @@ pub enum FclErrorKind {
     /// The text has more bytes, items or nested brackets than one of the [`Limits`](crate::Limits) allows.
     #[error("too many {what}: at most {max}")]
     TooMany {
-        /// The kind of items.
+        /// The kind of items, in the plural, for display.
         what: &'static str,
         /// The maximum number of items.
         max: usize,
