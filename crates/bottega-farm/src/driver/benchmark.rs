@@ -8,11 +8,11 @@ use crate::RelativePower;
 
 /// The processor time of one run on the reference machine, for which the weights of the predicted time were fitted.
 const REFERENCE_TIME: Duration = Duration::from_millis(14);
-/// The least number of runs of the benchmark,
+/// Minimum number of runs of the benchmark.
 const TURNS_MIN: u32 = 3;
-/// the least total time,
+/// Minimum total time of these runs.
 const TIME_MIN: Duration = Duration::from_millis(250);
-/// and the total time after which no further run starts.
+/// Total time after which no further run starts.
 const TIME_MAX: Duration = Duration::from_millis(1500);
 /// Number of runs that show the present load: one fewer than show the speed.
 const LOAD_TURNS: u32 = 2;
