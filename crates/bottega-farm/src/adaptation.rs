@@ -40,7 +40,7 @@ impl RelativePower {
     }
 }
 
-/// Returns a duration times a factor; some centuries at most.
+/// Returns a duration times a factor; 2³⁴ s if the product is negative, not finite or too large.
 pub(crate) fn scaled(duration: Duration, factor: f64) -> Duration {
     Duration::try_from_secs_f64(duration.as_secs_f64() * factor).unwrap_or(Duration::from_secs(1 << 34))
 }
@@ -48,10 +48,11 @@ pub(crate) fn scaled(duration: Duration, factor: f64) -> Duration {
 /// The rule by which an agent learns its V_cp.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum AdaptationRule {
-    /// V_cp ← (1 − k)·V_cp + k·(T − T_est) with times in seconds and k = 0.1, equation (1) as printed. Drifts to zero
-    /// if every estimate is right.
+    /// V_cp ← (1 − k)·V_cp + k·(T − T_est) with k = 0.1 and both times in seconds of the agent, equation (1) as
+    /// printed. Drifts to zero if every estimate is right.
     Paper,
-    /// V_cp ← the median of the last five ratios of T, in own time, to T_est, in reference-machine time.
+    /// V_cp ← the median of the last five ratios of T, in own time, to T_est, in reference-machine time. The
+    /// benchmark's V_cp counts as the first of them.
     #[default]
     MedianRatio,
 }
@@ -77,7 +78,7 @@ impl Adaptation {
         self.power
     }
 
-    /// Updates V_cp after a finished zone.
+    /// Updates V_cp after a finished zone. [`AdaptationRule::MedianRatio`] ignores times of zero.
     ///
     /// - `measured`: T, own time.
     /// - `estimated`: T_est, in reference-machine time.

@@ -14,7 +14,7 @@ pub enum FarmAgent {
     Analyst(Box<Analyst>),
     /// The Master, which awards zones and composes the picture.
     Master(Box<Master>),
-    /// A Render Agent.
+    /// A Render Agent, which bids for zones and has them painted.
     Render(Box<RenderAgent>),
     /// A service of the platform: Start Service, AMS or DF.
     Directory(Box<DirectoryService>),

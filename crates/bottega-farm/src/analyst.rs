@@ -29,9 +29,9 @@ pub struct AnalystConfig {
     pub master: AgentId,
     /// The id of the work.
     pub work: WorkId,
-    /// The user's settings.
+    /// The user's settings of the work.
     pub settings: WorkSettings,
-    /// The importance function.
+    /// The function that gives each cell of the survey its cost.
     pub importance: ImportanceFunction,
     /// The target of the partition: its level, and the number and limits of zones.
     pub partition: PartitionSettings,
@@ -64,9 +64,9 @@ pub struct Analysis {
     pub partition: Arc<Partition>,
     /// The row of the work.
     pub work: WorkRow,
-    /// The rows of all zones, by id.
+    /// The rows of all zones, in the order of their ids.
     pub rows: Vec<ZoneRow>,
-    /// The survey's predictions for the zones.
+    /// The survey's predictions for the picture and its zones.
     pub outlook: Arc<PictureOutlook>,
 }
 
@@ -74,8 +74,9 @@ pub struct Analysis {
 /// the rows for the Blackboard.
 ///
 /// - `survey`: covers the whole picture.
-/// - `knowledge`: affects T_est only, not zones and complexities.
-/// - `trusts_forecasts`: zones whose T_est is known well by it are not profiled.
+/// - `knowledge`: from earlier works; changes T_est, and with `trusts_forecasts` which zones are profiled. Zones and
+///   complexities do not depend on it.
+/// - `trusts_forecasts`: `true`: zones whose T_est `knowledge` predicts well are not profiled.
 ///
 /// # Errors
 /// The survey has no cells, too many, or another number of pixels than cells; or the frame is empty or not within the
@@ -121,8 +122,8 @@ pub fn analyze(
     Ok(Analysis { map: Arc::new(map), partition: Arc::new(partition), work, rows, outlook })
 }
 
-/// The state machine of the Analyst. It stops when its rows are on the Blackboard; a registered Analyst stays as long
-/// as its process takes part in the work.
+/// The state machine of the Analyst. It stops when its rows are on the Blackboard, or when the picture cannot be
+/// surveyed or analyzed; a registered Analyst whose rows are there stays as long as its process takes part in the work.
 #[derive(Clone, Debug)]
 pub struct Analyst {
     config: AnalystConfig,

@@ -35,6 +35,7 @@ pub(crate) const BIDDERS_MIN: usize = 4;
 /// it has room for, and only zones that it bid for.
 ///
 /// - `offers`: the zones on offer, largest first.
+/// - `bidders`: those with a proposal; of equal ones under [`AuctionRule::Paper`] the first wins.
 /// - `standing`: the loads of all agents and the open work, at the end of the round.
 pub fn decide(rule: AuctionRule, offers: &[Offer], bidders: Vec<Bidder>, standing: &BidderStanding<'_>) -> Decision {
     let by_time = |bidders: Vec<Bidder>, weighs: bool| {

@@ -36,9 +36,9 @@ impl Interval {
 pub struct InputRanges {
     /// The range of [`ZoneRow::complexity_density`].
     pub complexity_density: Interval,
-    /// The range of neighbor differences.
+    /// The range of the zones' mean neighbor differences.
     pub neighbor_difference: Interval,
-    /// The range of sizes in pixels.
+    /// The range of the zones' sizes, in pixels: [`ZoneRow::size`].
     pub size: Interval,
 }
 
@@ -79,7 +79,7 @@ pub struct WorkRow {
 pub struct AgentRow {
     /// The name of the agent.
     pub agent: AgentId,
-    /// V_cp: its relative power; 1 is the reference machine, 0.5 is twice as fast.
+    /// V_cp: the relative power of the agent; 1 is the reference machine, 0.5 is twice as fast.
     pub power: RelativePower,
     /// Number of processors that work on the agent's zones at once; may be a fraction if agents share a machine.
     pub lanes: f64,
@@ -126,7 +126,8 @@ pub struct Blackboard {
 }
 
 impl Blackboard {
-    /// Takes in a row, unless a later revision is known. Returns true if a zone's row is new or has changed.
+    /// Takes in a value of the store. A zone's row is ignored if this revision or a later one is known; the row of a
+    /// work or an agent always replaces the known one; pages are ignored. Returns true if a zone's row was taken in.
     pub fn see(&mut self, revision: Revision, value: FarmValue) -> bool {
         match value {
             FarmValue::Zone(row) => {
@@ -152,7 +153,7 @@ impl Blackboard {
         false
     }
 
-    /// Returns true if this revision of a zone's row is later than the known one.
+    /// Returns true if this revision of a zone's row is later than the known one, or no row of the zone is known.
     pub fn is_new_revision(&self, zone: ZoneId, revision: Revision) -> bool {
         self.zones.get(zone.0).is_none_or(|(seen, _)| *seen < revision)
     }
@@ -167,12 +168,12 @@ impl Blackboard {
         self.work.as_ref().is_some_and(|work| work.zone_count as usize == self.root_count)
     }
 
-    /// Returns a zone and the revision of its row; `None`: there is no such zone.
+    /// Returns the row of a zone with its revision; `None`: no row of the zone is known.
     pub fn zone(&self, zone: ZoneId) -> Option<(Revision, &ZoneRow)> {
         self.zones.get(zone.0).map(|(revision, row)| (*revision, &**row))
     }
 
-    /// Returns a zone's shared row and its revision; `None`: there is no such zone.
+    /// Returns the row of a zone, to be shared, with its revision; `None`: no row of the zone is known.
     pub fn shared(&self, zone: ZoneId) -> Option<(Revision, &Arc<ZoneRow>)> {
         self.zones.get(zone.0).map(|(revision, row)| (*revision, row))
     }
@@ -182,17 +183,17 @@ impl Blackboard {
         self.zones.len()
     }
 
-    /// Returns all zones in order of their ids.
+    /// Returns the rows of all zones, including pieces, in the order of their ids.
     pub fn zones(&self) -> impl Iterator<Item = &ZoneRow> {
         self.zones.values().map(|(_, row)| &**row)
     }
 
-    /// Returns the row of an agent; `None`: it has none.
+    /// Returns the row of an agent; `None`: none is known.
     pub fn agent(&self, agent: &AgentId) -> Option<&AgentRow> {
         self.agents.get(agent).map(|row| &**row)
     }
 
-    /// Returns the latest known revision of a zone's row; [`Revision::ABSENT`]: there is no such zone.
+    /// Returns the latest known revision of a zone's row; [`Revision::ABSENT`]: no row of the zone is known.
     pub fn revision(&self, zone: ZoneId) -> Revision {
         self.zones.get(zone.0).map_or(Revision::ABSENT, |(revision, _)| *revision)
     }

@@ -28,7 +28,7 @@ pub mod protocol {
 pub struct Offer {
     /// The id of the zone.
     pub zone: ZoneId,
-    /// Predicted cost of its pixels, in average pixels of the frame.
+    /// Predicted cost of the zone's pixels, in average pixels of the frame.
     pub complexity: f64,
     /// T_est, in reference-machine time.
     pub time_estimated: Duration,
@@ -39,7 +39,7 @@ pub struct Offer {
 pub struct Bid {
     /// The id of the zone.
     pub zone: ZoneId,
-    /// Time from now until the agent finishes it, if it is the agent's next zone.
+    /// Time from the bid until the agent finishes the zone, if it is the agent's next zone.
     pub finish: Duration,
 }
 
@@ -63,9 +63,10 @@ pub struct Report {
     pub zone: ZoneId,
     /// The fencing token of the order.
     pub fence: Revision,
-    /// The painting, or the error.
+    /// The painting; or the error, as text for the user.
     pub outcome: Result<Painting, String>,
-    /// The rules that chose the settings: see [`Expert::reasons`](crate::Expert::reasons).
+    /// The rules that chose the settings: see [`Expert::reasons`](crate::Expert::reasons). `None`: the agent's rules
+    /// did not choose them, or optimization is off.
     pub reasons: Option<Arc<str>>,
 }
 
@@ -77,7 +78,7 @@ pub struct Holding {
     /// The fencing token of the order.
     pub fence: Revision,
     /// Progress: 1 plus the number of painted samples, summed over the pixels, as last queried. 0: not begun, because
-    /// preparation for all zones is not finished; `u64::MAX`: reported.
+    /// the order waits for others, or preparation for all zones is not finished; `u64::MAX`: reported.
     pub progress: u64,
 }
 
@@ -88,11 +89,12 @@ pub struct PassedOrder {
     pub zone: ZoneId,
     /// The fencing token of the order.
     pub fence: Revision,
-    /// The share of the zone that the giver keeps, if it can be cut, 0..1; 0: nothing.
+    /// The share of the zone that the giver keeps, 0..1; 0: nothing. A zone that cannot be cut is handed over as a
+    /// whole if the share is at most 0.5, and stays with the giver otherwise.
     pub kept: f64,
 }
 
-/// A life-cycle operation that every agent supports (MAGarRO, section 3.1; FIPA00023).
+/// A life-cycle operation that a Master requests of its Render Agents (MAGarRO, section 3.1; FIPA00023).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum LifeCycle {
     /// Take no new zones, but finish those in hand.
@@ -108,7 +110,7 @@ pub enum LifeCycle {
 pub enum FarmContent {
     /// *subscribe*: an agent registers, with the results of its benchmark.
     Subscription {
-        /// V_cp: its relative power; 1 is the reference machine, 0.5 is twice as fast.
+        /// V_cp: the relative power of the agent; 1 is the reference machine, 0.5 is twice as fast.
         power: RelativePower,
         /// Number of processors that work on the agent's zones at once.
         lanes: f64,
@@ -127,9 +129,9 @@ pub enum FarmContent {
     Offers(Arc<[Offer]>),
     /// *propose*: the agent's bids.
     Bids {
-        /// The number of zones that it has room for.
+        /// The number of zones that the agent has room for.
         room: u32,
-        /// One bid per zone that it wants.
+        /// One bid per zone that the agent wants.
         bids: Vec<Bid>,
     },
     /// *accept-proposal*: paint this zone.
@@ -152,7 +154,8 @@ pub enum FarmContent {
         /// The reason, as text for the user.
         reason: String,
     },
-    /// *cancel*: another agent has painted this zone; the order is void.
+    /// *cancel*: the order is void, because another agent has painted the zone, or the order made no progress for too
+    /// long.
     Withdrawn {
         /// The id of the zone.
         zone: ZoneId,
@@ -161,7 +164,7 @@ pub enum FarmContent {
     },
     /// *inform*: the heartbeat of an agent.
     Alive {
-        /// V_cp: its relative power; 1 is the reference machine, 0.5 is twice as fast.
+        /// V_cp: the relative power of the agent; 1 is the reference machine, 0.5 is twice as fast.
         power: RelativePower,
         /// The orders that the agent holds.
         orders: Vec<Holding>,
@@ -191,7 +194,7 @@ pub enum FarmContent {
     },
     /// *request*: suspend, resume, terminate.
     LifeCycle(LifeCycle),
-    /// The performative alone: *refuse*, *reject-proposal*, *not-understood*.
+    /// No content, because the performative says all: *refuse*, *reject-proposal*, *not-understood*.
     Nothing,
     /// A message to or from the platform's services; never leaves the process.
     Management(Arc<ManagementContent>),

@@ -59,8 +59,9 @@ pub fn directory_service_names() -> [AgentId; 3] {
     ["start", "ams", "df"].map(|name| AgentId::new(format!("{name}@{PLATFORM}")))
 }
 
-/// Returns the services of one process, with their ids.
+/// Returns the Start Service, AMS and DF of one process, with their ids.
 ///
+/// - `calendar`: converts the platform's times to dates.
 /// - `salt`: a number unique to the process.
 pub fn directory_services(calendar: Calendar, salt: u64) -> [(AgentId, DirectoryService); 3] {
     let [start, ams, df] = directory_service_names();
@@ -101,11 +102,11 @@ pub(crate) const FIPA_DF: &str = "fipa-df";
 /// The platform at which a job's agents register, and the properties of their entries.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RegistrationConfig {
-    /// The Start Service.
+    /// The id of the Start Service.
     pub start: AgentId,
     /// The id of the work.
     pub work: WorkId,
-    /// The number of the job, if it has one.
+    /// The number of the work's job; `None`: it has none.
     pub job: Option<u32>,
     /// The machine of the Master, as [`machine_of`] gives it; agents elsewhere that claim to be the Master are ignored.
     /// `None`: no check.

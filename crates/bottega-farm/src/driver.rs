@@ -50,15 +50,16 @@ use crate::{FarmCompletion, Forecast, Goal, JobLesson, JournalContents, Times, W
 pub struct JobReport {
     /// The picture, possibly incomplete.
     pub film: Film,
-    /// True if the job was stopped before its end.
+    /// True if the job was stopped before its end. False if its time limit ended it and each pixel has a value.
     pub stopped: bool,
-    /// Zones that no agent could paint.
+    /// The zones that no agent could paint; empty if the job was stopped.
     pub failed: Vec<ZoneId>,
-    /// The last rows of all zones, by id.
+    /// The last row of each zone, in the order of their ids.
     pub rows: Vec<ZoneRow>,
     /// The time spent on each phase.
     pub times: Times,
-    /// Number of messages that agents sent.
+    /// Number of messages that the agents of this process sent, counted once for each receiver; without those to the
+    /// directories.
     pub messages: u64,
     /// The accuracy of the times predicted before profiling. `None`: too few zones were painted as a whole, or another
     /// process had started the work.
@@ -93,7 +94,7 @@ impl JobReport {
 ///
 /// # Errors
 /// The settings are invalid, [`JobSettings::verify`] is above 1, `kept` has other settings, the engine cannot survey or
-/// prepare the scene, or a thread cannot be started.
+/// prepare the scene, an agent ends before the work, or a thread cannot be started.
 pub fn run(
     settings: &JobSettings,
     engine: Arc<dyn RenderEngine>,

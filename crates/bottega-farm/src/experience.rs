@@ -86,7 +86,7 @@ struct LearntTechnique {
 pub struct PaintedZone {
     /// The survey's prediction for the zone.
     pub outlook: TaskOutlook,
-    /// Samples per pixel.
+    /// Samples per pixel that the user requested; rules may have chosen fewer.
     pub samples: u32,
     /// Time of all samples, in the painter's own processor time.
     pub time: Duration,
@@ -101,9 +101,9 @@ pub struct JobLesson {
     pub subject: Subject,
     /// The survey's features of the whole picture.
     pub features: TaskFeatures,
-    /// The survey's predictions.
+    /// The survey's predictions for the picture and its zones.
     pub outlook: Arc<PictureOutlook>,
-    /// V_cp at the end of the job, if it was compared with other machines.
+    /// V_cp at the end of the job; `None`: no other machine took part, with which it could be compared.
     pub power: Option<RelativePower>,
     /// V_cp at the end of the job, for converting times to those of the reference machine.
     pub to_reference: RelativePower,
@@ -127,11 +127,13 @@ pub struct LearntFactor {
     /// `time`: a factor on the time predicted by the survey, for a technique; `picture`: a further one for a picture that was
     /// painted before; `power`: on V_cp.
     pub of: String,
-    /// The kind of tasks that it applies to.
+    /// The tasks to which the factor applies: those of a technique, of a feature of zones or a kind of picture under
+    /// it, or of one picture, named by the first digits of its scene and view.
     pub tasks: String,
-    /// The factor. Those of the features of a zone multiply that of its technique.
+    /// The factor. The factors of a zone's features multiply the factor of its technique.
     pub factor: f64,
-    /// Expected relative error of a time predicted so, one standard deviation; `None`: not known for one factor alone.
+    /// Expected relative error of a time predicted with this factor, one standard deviation; `None`: not known for one
+    /// factor alone.
     pub error: Option<f64>,
     /// Number of zones on which the factor is based; older jobs count less.
     pub zones: f64,
@@ -142,25 +144,25 @@ pub struct LearntFactor {
 /// An error in reading the text of an experience.
 #[derive(Debug, thiserror::Error)]
 pub enum ExperienceError {
-    /// The text is longer than the maximum.
+    /// The text is longer than the maximum: its length, in bytes.
     #[error("the text has {0} bytes, more than an experience can have")]
     TooLong(usize),
     /// The text is not JSON, or has other fields.
     #[error("not the experience of a machine")]
     Syntax(#[source] serde_json::Error),
-    /// The text has another version of the format.
+    /// A later version of Bottega has written the text: its format is newer.
     #[error("the experience has format {found}, not {FORMAT}: a newer version of bottega has written it")]
     Format {
         /// The version found.
         found: u32,
     },
-    /// An earlier version of Bottega has written it.
+    /// An earlier version of Bottega has written the text: its format is older.
     #[error("the experience has the earlier format {found}, not {FORMAT}")]
     Earlier {
         /// The version found.
         found: u32,
     },
-    /// A number is out of range.
+    /// A learned number of these tasks is out of range, or a list has a wrong length.
     #[error("the experience with `{tasks}` is not a valid number")]
     Factor {
         /// The kind of tasks.

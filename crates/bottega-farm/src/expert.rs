@@ -37,7 +37,7 @@ pub enum BandWidth {
     /// The rules choose, edge by edge.
     #[default]
     Rules,
-    /// The user's width in pixels beyond each edge of each zone; at most [`BAND_MAX`].
+    /// The user's width in pixels beyond each edge of each zone; a larger one than [`BAND_MAX`] counts as that.
     Pixels(u32),
 }
 
@@ -52,7 +52,7 @@ struct Shares {
     light_samples: f64,
 }
 
-/// The rules of an agent. Agents may have different rules.
+/// The fuzzy rules by which an agent chooses the settings of a zone. Agents may have different rules.
 #[derive(Clone, Debug)]
 pub struct Expert {
     rules: Arc<FunctionBlock>,
@@ -77,7 +77,7 @@ impl Expert {
     /// [`Self::ignored_outputs`].
     ///
     /// # Errors
-    /// An unknown input, or no known output.
+    /// The rules have an unknown input, or no output that path tracing knows.
     pub fn new(rules: FunctionBlock) -> Result<Self, ExpertError> {
         let known = |name: &str| INPUTS.iter().any(|input| input.eq_ignore_ascii_case(name));
         if let Some(unknown) = rules.inputs().iter().find(|input| !known(&input.name)) {
@@ -133,8 +133,8 @@ impl Expert {
         Self { bands, ..self }
     }
 
-    /// Returns the preferred one of two engines for a zone. Independent of quality, so it is used with optimization
-    /// off too.
+    /// Returns the preferred one of two engines for a zone; no preference without rules for it, or if they cannot be
+    /// evaluated. Independent of quality, so it is used with optimization off too.
     pub fn preference(&self, work: &WorkRow, zone: &ZoneRow) -> EnginePreference {
         self.engine_choice.as_ref().map_or_else(EnginePreference::default, |choice| choice.preference(work, zone))
     }
@@ -203,8 +203,8 @@ impl Expert {
         Ok(self.scaled(settings, shares, bands))
     }
 
-    /// Returns the rules that fired, the strongest first, with their degrees: `path_tracing: 12 0.83, 22 0.40`.
-    /// `None` with optimization off, and if the rules cannot be evaluated.
+    /// Returns the rules that fired, the strongest first and six at most, with their degrees: `path_tracing: 12 0.83,
+    /// 22 0.40`. `None` with optimization off, and if the rules cannot be evaluated.
     pub fn reasons(&self, work: &WorkRow, zone: &ZoneRow) -> Option<Arc<str>> {
         let level = work.settings.optimization.rule_input()?;
         let rules = laid_out(&self.rules, &work.ranges).ok()?;
@@ -222,8 +222,8 @@ impl Expert {
         if self.is_profiled || *goal != Goal::Samples { choice.profile_samples(goal) } else { choice.samples }
     }
 
-    /// Returns the number of samples per pixel to reach next. Not more than `samples`: the zone is finished, or the
-    /// Master decides.
+    /// Returns the number of samples per pixel to reach next. If it is not above `samples`, the zone is finished, or
+    /// the Master decides when it continues.
     ///
     /// - `samples`: samples per pixel reached so far.
     /// - `unfinished`: share of the zone's pixels whose error is too large, 0..=1.

@@ -31,7 +31,8 @@ pub struct Foreknowledge {
 pub struct ZoneForecast {
     /// T_est, in reference-machine time.
     pub time: Duration,
-    /// Standard deviation of the logarithm of its error; `None`: by the survey alone, whose error is unknown.
+    /// Standard deviation of the logarithm of measured over predicted time; `None`: predicted by the survey alone,
+    /// whose error is unknown.
     pub deviation: Option<f64>,
 }
 

@@ -32,8 +32,8 @@ impl Default for GoalRules {
 }
 
 impl GoalRules {
-    /// Parses rules from FCL text. If they lack an output, its default counts: no more samples, and 0.75 of the
-    /// remaining time.
+    /// Parses rules from FCL text. If the rules lack an output or have an unknown input, defaults count: no more
+    /// samples, and 0.75 of the remaining time.
     ///
     /// # Errors
     /// The text is not one valid function block of FCL.
@@ -48,7 +48,7 @@ impl GoalRules {
         value.is_finite().then_some(value)
     }
 
-    /// Returns the number of samples per pixel that a zone should reach next; `samples` if it is finished.
+    /// Returns the number of samples per pixel that a zone should reach next; `samples` if the zone is finished.
     ///
     /// - `samples`, `samples_max`: samples per pixel reached so far, and their maximum.
     /// - `error`: the estimated relative error; `None`: not known yet.
@@ -67,7 +67,7 @@ impl GoalRules {
 
     /// Returns the share of the remaining time for the next pass, 0.05..=1.
     ///
-    /// - `time_left`: remaining share of the requested time.
+    /// - `time_left`: remaining share of the requested time, 0..=1.
     pub fn time_share(&self, time_left: f64) -> f64 {
         self.output(TIME_SHARE, 1.0, time_left).unwrap_or(0.75).clamp(0.05, 1.0)
     }

@@ -6,7 +6,8 @@ use std::fmt;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct WorkId(pub u64);
 
-/// The paper's IdZone: the index of a zone in the partition of its work.
+/// The paper's IdZone: the index of a zone in the partition of its work; a piece that was cut off a zone has a new
+/// number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct ZoneId(pub u32);
 

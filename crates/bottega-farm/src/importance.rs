@@ -91,10 +91,10 @@ impl fmt::Display for ImportanceFunction {
     }
 }
 
-/// An error in making an importance map.
+/// An error in making an importance map, or in parsing the name of its function.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ImportanceError {
-    /// The survey's size does not match its number of pixels.
+    /// The survey has no cells, too many, or another number of pixels than cells.
     #[error("survey of {width} × {height} cells holds {found} pixels")]
     SurveySize {
         /// Columns of cells.
@@ -112,7 +112,7 @@ pub enum ImportanceError {
         /// The pixels that the survey covers.
         surveyed: Rect,
     },
-    /// An unknown importance function.
+    /// No importance function has this name.
     #[error("unknown importance function `{name}`: there are {}", ImportanceFunction::NAMES.join(", "))]
     UnknownFunction {
         /// The name that was given.
@@ -168,7 +168,7 @@ impl ImportanceMap {
         Ok(Self { cost, importance: Sums::new(surveyed, size, importance) })
     }
 
-    /// Makes a uniform map, for a picture about which nothing is known: every pixel costs 1.
+    /// Makes a uniform map, for a picture about which nothing is known: every pixel has cost 1 and visual importance ½.
     ///
     /// - `frame`: the pixels that it covers.
     pub fn uniform(frame: Rect) -> Self {

@@ -102,7 +102,7 @@ impl<W: Write + Send> ZoneStore for JournalWriter<W> {
 pub struct Journal {
     /// The name given to [`JournalWriter::create`].
     pub name: String,
-    /// The work; `None` if it was interrupted before all zones were known.
+    /// The state of the work; `None`: it was interrupted before all zones were known.
     pub kept: Option<JournalContents>,
     /// Length of the valid part, in bytes.
     pub sound_bytes: u64,
@@ -113,9 +113,10 @@ pub struct Journal {
 pub struct JournalContents {
     /// The row of the work.
     pub work: WorkRow,
-    /// The rows of all zones of the work, by id.
+    /// The rows of all zones of the work, in the order of their ids, as after [`ZoneRow::resumed`]: no agent holds a
+    /// zone.
     pub rows: Vec<ZoneRow>,
-    /// The samples referenced by the rows.
+    /// The samples to which the rows refer, by zone.
     pub tiles: BTreeMap<ZoneId, Tile>,
 }
 

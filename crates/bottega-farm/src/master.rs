@@ -163,7 +163,7 @@ impl Master {
         self.assignments.rows.board()
     }
 
-    /// Returns true if all zones are in the film or given up.
+    /// Returns true if all zones are in the film or given up, or if the work was abandoned.
     pub fn is_finished(&self) -> bool {
         self.phase.is_finished
     }

@@ -9,24 +9,24 @@ use crate::Choice;
 /// A reference to the running sums of a zone. The sums themselves are never in a message or a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ResultRef {
-    /// The fencing token of the award under which they were painted.
+    /// The fencing token of the order under which the samples were painted.
     pub fence: Revision,
-    /// Samples per pixel in them.
+    /// Samples per pixel in the sums.
     pub samples: u32,
     /// Digest of the sums: their address and checksum.
     pub digest: BlobId,
 }
 
-/// A report of painted samples of a zone.
+/// The painted samples of a zone, by reference, with their settings and times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Painting {
     /// The settings used.
     pub choice: Choice,
     /// The reference to the samples.
     pub result: ResultRef,
-    /// T: the time it took, in reference-machine time.
+    /// T: the painting time, in reference-machine time.
     pub time_measured: Duration,
-    /// The painting time by the agent's own clock, before conversion to reference time.
+    /// Processor time of the painting on the agent's machine, before conversion to reference time.
     pub busy: Duration,
     /// `true`: these times measure painting alone; as far as the agent knows nothing was loaded, compiled or started
     /// meanwhile.
@@ -34,8 +34,8 @@ pub struct Painting {
     /// `true`: the agent had finished the preparation for all zones when it got the order. Otherwise part of the time
     /// since then is preparation.
     pub was_ready: bool,
-    /// The number of samples per pixel to reach next. Not more than it has: the zone is finished, or the Master
-    /// decides.
+    /// The number of samples per pixel to reach next. If it is not above the number in `result`, the zone is finished,
+    /// or the Master decides when it continues.
     pub goal: u32,
     /// T_est of the missing samples, in reference-machine time; if none are missing, of one more sample.
     pub time_left: Duration,

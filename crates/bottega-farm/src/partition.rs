@@ -132,7 +132,7 @@ impl Partition {
         if self.zones.is_empty() { 1.0 } else { longest * self.zones.len() as f64 / map.complexity(&self.frame) }
     }
 
-    /// Returns the [`NeighborDifference`] of each zone, by id.
+    /// Returns the [`NeighborDifference`] of each zone, in the order of their ids.
     ///
     /// # Panics
     /// If the frame reaches beyond the survey of `map`.

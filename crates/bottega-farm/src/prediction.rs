@@ -12,7 +12,7 @@ pub struct Prediction {
 
 impl Prediction {
     /// Compares numbers pair by pair. Returns the agreement; `None` for fewer than three pairs, for numbers that are
-    /// not finite, and if all predicted or all measured numbers are equal.
+    /// not finite, and if all predicted or all measured numbers are equal or the predicted ones add up to 0.
     ///
     /// # Panics
     /// If the lengths differ.

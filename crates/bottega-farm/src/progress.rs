@@ -20,11 +20,12 @@ pub struct Progress {
     pub zones: usize,
     /// Number of painted samples, over all pixels.
     pub samples_done: u64,
-    /// Number of all samples, as chosen so far: rules may still lower it.
+    /// Number of all samples, over all pixels, as chosen so far: rules may still lower it.
     pub samples: u64,
-    /// Predicted share of the cost that is done, 0..=1: by T_est for profiled zones, by the importance map for others.
+    /// Predicted share of the cost that is done, 0..=1: by T_est for profiled zones, by earlier works or the importance
+    /// map for others.
     pub cost_done: f64,
-    /// Time since the first zone row was seen.
+    /// Time from the first row of a zone that was seen to the latest one.
     pub elapsed: Duration,
     /// Remaining time, always positive: from T_est and the agents' speeds, or else from the elapsed time and the share
     /// done. `None`: not known yet, or all zones are finished and the picture is being composed.

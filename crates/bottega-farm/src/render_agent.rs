@@ -54,7 +54,7 @@ pub struct RenderAgentConfig {
     pub heartbeat: Duration,
     /// The rules that choose the settings of zones.
     pub expert: Expert,
-    /// The experience of the agent's machine from earlier works.
+    /// The experience of the agent's machine and farm from earlier works.
     pub knowledge: Foreknowledge,
 }
 

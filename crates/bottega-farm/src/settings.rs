@@ -14,7 +14,7 @@ pub(crate) const CELL_SIDE: u32 = 32;
 /// The degree to which rules may lower the user's settings: the paper's Optimization Level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Optimization {
-    /// The user's settings everywhere: the picture is bit-identical for any agents.
+    /// The user's settings everywhere: the picture is bit-identical for any agents, if the engine is exact per pixel.
     #[default]
     Off,
     /// Level 1, very small (VS).
@@ -94,7 +94,7 @@ pub enum Goal {
     /// The zone has the number of samples requested.
     #[default]
     Samples,
-    /// The estimated relative error of each of its cells is at most this: the root of the mean over the pixels of
+    /// The estimated relative error of each cell of the zone is at most this: the root of the mean over the pixels of
     /// squared error over squared value. A cell is a square of 32 × 32 pixels of a fixed grid and stops by its own
     /// pixels alone, so the picture is the same for any agents, if the engine is exact per pixel. Engines that cannot
     /// paint parts of a zone stop zone by zone.
@@ -133,9 +133,9 @@ pub struct WorkSettings {
     pub samples: u32,
     /// The condition under which a zone is finished.
     pub goal: Goal,
-    /// The other settings that rules may lower.
+    /// The settings besides `samples` that rules may lower.
     pub tunables: Tunables,
-    /// The degree to which rules may lower them.
+    /// The degree to which rules may lower `samples` and `tunables`.
     pub optimization: Optimization,
 }
 
@@ -143,7 +143,7 @@ pub struct WorkSettings {
 /// settings must not be mixed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Choice {
-    /// The engine's settings.
+    /// The settings of the engine: the numbers of bounces and of light samples.
     pub tunables: Tunables,
     /// Samples per pixel.
     pub samples: u32,

@@ -32,7 +32,7 @@ pub enum NextPart {
 /// Returns the next step of the machine `me`, when it is idle.
 ///
 /// - `parts`: the states of all parts.
-/// - `is_there`: true for machines that take part in the work now.
+/// - `is_there`: a function that returns true for machines that take part in the work now.
 /// - `patience`: time after a claim from which an idle machine may repeat the part.
 pub fn next_part(parts: &[SharedPart], me: &str, is_there: impl Fn(&str) -> bool, patience: Duration) -> NextPart {
     let open = || parts.iter().enumerate().filter(|(_, part)| !part.is_done);

@@ -166,8 +166,8 @@ impl Throughput {
     /// Returns the expected time of all present agents for an amount of work; `None` without known agents.
     ///
     /// - `seconds`: reference-machine time of everything unfinished, including what is held.
-    /// - `zone_seconds`: that of an average zone: so much must be painted before measured speeds outweigh reported
-    ///   ones.
+    /// - `zone_seconds`: reference-machine time of an average zone: so much must be painted before measured speeds
+    ///   outweigh reported ones.
     pub(crate) fn time_for(&self, now: Time, seconds: f64, zone_seconds: f64) -> Option<f64> {
         let weight = zone_seconds.max(1e-6);
         let ratio = self.all.ratio(1.0, weight);

@@ -17,7 +17,8 @@ use crate::{
     protocol,
 };
 
-/// Number of zones that a visitor paints at once, so that the next one has arrived when one is delivered. Others wait here.
+/// Number of orders that a visitor holds at once: while it paints one zone, the next order has already arrived. Further
+/// orders wait in its Render Agent.
 const PREFETCH: u32 = 2;
 /// Maximum number of unanswered calls for proposals; older ones are refused in its name.
 const CALLS_MAX: usize = 16;
@@ -25,7 +26,7 @@ const CALLS_MAX: usize = 16;
 /// A message to a visitor.
 #[derive(Clone, Debug)]
 pub enum VisitorEffect {
-    /// There is a work, and the Master has added the visitor to its list.
+    /// The Master has admitted the visitor to this work.
     Welcome(Box<WorkRow>),
     /// Zones on offer: answered by [`VisitorReport::Bids`] or [`VisitorReport::Refuses`] with the same call.
     Offers {
@@ -33,7 +34,7 @@ pub enum VisitorEffect {
         call: u64,
         /// The offered zones.
         offers: Arc<[Offer]>,
-        /// The number of zones that it may win.
+        /// The number of zones that the visitor may win.
         room: u32,
         /// Time until the deadline of the answer.
         within: Duration,
@@ -50,7 +51,7 @@ pub enum VisitorEffect {
         /// The call in which the zone was won; `None`: first samples of a zone.
         call: Option<u64>,
     },
-    /// The order is cancelled.
+    /// The order is cancelled; its result is ignored.
     Withdrawn {
         /// The id of the zone.
         zone: ZoneId,
@@ -71,9 +72,9 @@ pub enum VisitorReport {
     Bids {
         /// The id of the call.
         call: u64,
-        /// The maximum number of zones it wants.
+        /// The maximum number of zones that the visitor wants.
         room: u32,
-        /// The bids of the visitor: one per zone that it wants.
+        /// One bid per zone that the visitor wants.
         bids: Vec<Bid>,
     },
     /// The visitor wants none of the zones of a call.
@@ -81,7 +82,7 @@ pub enum VisitorReport {
         /// The id of the call.
         call: u64,
     },
-    /// The result of an order.
+    /// The result of an order; ignored if the order was cancelled meanwhile.
     Painted {
         /// The id of the zone.
         zone: ZoneId,
@@ -115,7 +116,7 @@ pub struct VisitorConfig {
     pub timing: Timing,
 }
 
-/// The state machine of a visitor, which negotiates with the Master in its place.
+/// The state machine that negotiates with the Master in place of a visitor.
 pub struct Visitor {
     agent: RenderAgent,
     id: AgentId,

@@ -16,7 +16,7 @@ use crate::{
 pub struct PaintOrder {
     /// The id of the zone.
     pub zone: ZoneId,
-    /// The fencing token of the award.
+    /// The fencing token of the order.
     pub fence: Revision,
     /// The pixels, including the band.
     pub rect: Rect,
@@ -32,12 +32,12 @@ pub struct PaintOrder {
     pub error_use: ErrorUse,
     /// The maximum number of samples per pixel, over this order and later ones.
     pub samples_max: u32,
-    /// Expected time, in the agent's own time, if known: for progress displays and for cutting long work into passes.
+    /// Expected processor time of the agent, if known: for progress displays and for cutting long work into passes.
     pub time_estimated: Option<Duration>,
 }
 
 /// Maximum time between two steps of an order's progress, in own time on all processors of its agent; but at least the
-/// time of one sample of all its pixels. Longer orders are painted in passes.
+/// time of one sample in all pixels of the order. Longer orders are painted in passes.
 pub const STEP_MAX: Duration = Duration::from_secs(10);
 
 /// An effect that an agent of the farm requests from its driver.
@@ -65,7 +65,8 @@ pub enum FarmEffect {
     Benchmark,
     /// Fetch the scene from the Model Repository; answered by [`FarmCompletion::Fetched`].
     Fetch(WorkId),
-    /// Paint; answered by [`FarmCompletion::Painted`].
+    /// Paint the samples of this order; answered by [`FarmCompletion::Painted`], unless the order is cancelled or the
+    /// job is stopped.
     Paint(PaintOrder),
     /// Cancel painting of this order; it is not answered.
     Drop {
@@ -76,7 +77,7 @@ pub enum FarmEffect {
     },
     /// Query the progress of orders; answered by [`FarmCompletion::Looked`].
     Look(Vec<(ZoneId, Revision)>),
-    /// The Master has excluded this agent from the work.
+    /// The Master has excluded this agent from the work, or the AMS has ended the agent.
     Dismissed {
         /// The reason, as text for the user.
         reason: String,
@@ -146,24 +147,24 @@ pub enum FarmEffect {
 /// The answer to an effect, or an event from outside the agents.
 #[derive(Clone, Debug)]
 pub enum FarmCompletion {
-    /// The answer to [`FarmEffect::Survey`].
+    /// The answer to [`FarmEffect::Survey`]: the survey; or the error, as text for the user.
     Surveyed(Result<Arc<Survey>, String>),
     /// The answer to [`FarmEffect::Benchmark`].
     Benchmarked {
-        /// V_cp: its relative power; 1 is the reference machine, 0.5 is twice as fast.
+        /// V_cp: the relative power of the agent; 1 is the reference machine, 0.5 is twice as fast.
         power: RelativePower,
         /// Number of processors that will work on the agent's zones at once.
         lanes: f64,
     },
-    /// The answer to [`FarmEffect::Fetch`].
+    /// The answer to [`FarmEffect::Fetch`]: the scene of this work is here, and the preparation for all zones is done.
     Fetched(WorkId),
     /// The answer to [`FarmEffect::Paint`].
     Painted {
         /// The id of the zone.
         zone: ZoneId,
-        /// The fencing token of the award.
+        /// The fencing token of the order.
         fence: Revision,
-        /// The result, or the error.
+        /// The result; or the error, as text for the user.
         outcome: Result<PaintResult, String>,
     },
     /// The answer to [`FarmEffect::Look`].
@@ -184,7 +185,7 @@ pub enum FarmCompletion {
     Composed {
         /// The id of the zone.
         zone: ZoneId,
-        /// The error, if the samples could not be used.
+        /// `Err`: the samples could not be used, with the reason as text for the user.
         outcome: Result<(), String>,
     },
     /// A request to paint a zone again that is done or given up.

@@ -26,10 +26,11 @@ struct AggregatePiece {
 /// The aggregate of all rules on one output, before defuzzification.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Aggregate {
-    /// (x, height), with non-decreasing x: the contribution of each rule that fired.
+    /// (x, height), with non-decreasing x: one for each conclusion of a rule that fired, not accumulated. The height is
+    /// the degree of the rule.
     Singletons(Vec<(f64, f64)>),
     /// The corners (x, y) of a piecewise linear function over the output's range, with non-decreasing x; two with equal
-    /// x make a step. Empty: no rule fired.
+    /// x make a step. Empty: no rule with a conclusion about the output fired.
     Linear(Vec<(f64, f64)>),
 }
 

@@ -10,7 +10,7 @@ use crate::{
 pub struct Term {
     /// The name of the term, as written; compared without case.
     pub name: String,
-    /// The degree to which numbers belong to it.
+    /// The degree to which each number belongs to the term.
     pub membership: Membership,
 }
 
@@ -32,7 +32,7 @@ pub struct InputVariable {
 pub struct OutputVariable {
     /// The name of the variable, as written; compared without case.
     pub name: String,
-    /// The linguistic values of the variable: all singletons, or none.
+    /// The linguistic values of the variable; either all are singletons, or none is.
     pub terms: Vec<Term>,
     /// The declared interval. `None`: from the least to the greatest point of the terms.
     pub range: Option<(f64, f64)>,
@@ -40,7 +40,8 @@ pub struct OutputVariable {
     pub method: Method,
     /// The accumulation, if declared at the output and not at the rules.
     pub accumulation: Option<Accumulation>,
-    /// The value of the variable if no rule fires. `None`: no change.
+    /// The value of the variable if the rules conclude nothing about it; `None`: no value, so that the caller keeps the
+    /// one before (`DEFAULT := NC`, or no `DEFAULT`).
     pub default: Option<f64>,
 }
 
@@ -48,14 +49,21 @@ pub struct OutputVariable {
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs, reason = "named as in the language")]
 pub enum Condition {
+    /// The value of an input belongs to a term.
     Is {
+        /// Index of the input in [`FunctionBlock::inputs`].
         input: usize,
+        /// Index of the term in [`InputVariable::terms`].
         term: usize,
     },
+    /// The value of an input does not belong to a term: 1 − the degree of [`Condition::Is`].
     IsNot {
+        /// Index of the input in [`FunctionBlock::inputs`].
         input: usize,
+        /// Index of the term in [`InputVariable::terms`].
         term: usize,
     },
+    /// Negation: 1 − the degree of the condition.
     Not(Box<Condition>),
     /// Conjunction of two or more conditions.
     And(Vec<Condition>),
@@ -67,7 +75,9 @@ pub enum Condition {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs, reason = "named as in the language")]
 pub struct Conclusion {
+    /// Index of the output in [`FunctionBlock::outputs`].
     pub output: usize,
+    /// Index of the term in [`OutputVariable::terms`].
     pub term: usize,
 }
 
@@ -115,13 +125,13 @@ pub struct FunctionBlock {
     pub(crate) rule_blocks: Vec<RuleBlock>,
 }
 
-/// An error in laying out an interval found at run time.
+/// An error of [`FunctionBlock::layout_inputs`].
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LayoutError {
-    /// The block has no such input.
+    /// The block has no input of this name.
     #[error("the function block has no input `{0}`")]
     UnknownInput(String),
-    /// The interval is not finite, or its ends are swapped.
+    /// An end or the width of the interval is not finite, or its ends are swapped.
     #[error("[{min}, {max}] is not an interval for `{input}`: its ends must be finite and in order")]
     BadInterval {
         /// The name of the input.
@@ -240,6 +250,9 @@ impl InputVariable {
 impl OutputVariable {
     /// Returns the interval of defuzzification: the declared range, or else from the least to the greatest point of the
     /// terms.
+    ///
+    /// # Panics
+    /// If there is neither a declared range nor a term, or a term without a point; the parser makes no such variable.
     pub fn declared_range(&self) -> (f64, f64) {
         self.range.unwrap_or_else(|| extent(&self.terms))
     }

@@ -11,13 +11,13 @@ use crate::{
 /// An error in evaluating a block.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum EvaluateError {
-    /// A value was given for an unknown input.
+    /// A value was given for this name, which no input has.
     #[error("the function block has no input `{0}`")]
     UnknownInput(String),
-    /// An input has no value.
+    /// No value was given for the input of this name.
     #[error("the input `{0}` has no value")]
     MissingInput(String),
-    /// A value is NaN.
+    /// The value of the input of this name is NaN.
     #[error("the value of the input `{0}` is not a number")]
     NotANumber(String),
     /// The number of values given to [`FunctionBlock::evaluate_indexed`] is wrong.
@@ -38,14 +38,14 @@ pub struct Outputs {
 }
 
 impl Outputs {
-    /// Returns the value of an output, by its name without case. `None`: there is no such output, or no rule on it
-    /// fired and it has no default.
+    /// Returns the value of an output, by its name without case. `None`: there is no such output, or the rules
+    /// concluded nothing about it within its range and it has no default.
     pub fn get(&self, name: &str) -> Option<f64> {
         self.values[self.names.iter().position(|output| output.eq_ignore_ascii_case(name))?]
     }
 
-    /// Returns the values in the order of [`FunctionBlock::outputs`]. `None`: no rule on the output fired, and it has
-    /// no default.
+    /// Returns the values in the order of [`FunctionBlock::outputs`]. `None`: the rules concluded nothing about the
+    /// output within its range, and it has no default.
     pub fn values(&self) -> &[Option<f64>] {
         &self.values
     }
@@ -75,25 +75,26 @@ pub struct FiredRule {
 /// An explanation of an evaluation: the degrees of terms and rules that led to the outputs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Explanation {
-    /// For each input its name, and its terms with degrees above 0.
+    /// For each input, in order of declaration, its name and its terms with degrees above 0.
     pub inputs: Vec<(String, Vec<(String, f64)>)>,
     /// The rules that fired, the strongest first; of equal ones the first in the text.
     pub rules: Vec<FiredRule>,
-    /// The accumulated conclusions for each output.
+    /// The accumulated conclusions for each output, in the order of [`FunctionBlock::outputs`].
     pub aggregates: Vec<Aggregate>,
     /// The values of the outputs.
     pub outputs: Outputs,
 }
 
 impl FunctionBlock {
-    /// Evaluates the rules and returns the values of all outputs. Values outside the range have the degrees of the
-    /// terms' shoulders. Evaluations are independent, see [`Outputs::or_unchanged`].
+    /// Evaluates the rules and returns the values of all outputs. Values outside of an input's range are allowed:
+    /// beyond its outermost points a term keeps the degree that it has there; a singleton has degree 0. Evaluations are
+    /// independent, see [`Outputs::or_unchanged`].
     ///
     /// - `inputs`: each input's name, without case, and its value, in any order. Of several values of one input the
     ///   last counts.
     ///
     /// # Errors
-    /// An input is unknown, missing or NaN.
+    /// The block has no such input, an input of the block has no value, or a value is NaN.
     pub fn evaluate(&self, inputs: &[(&str, f64)]) -> Result<Outputs, EvaluateError> {
         self.evaluate_indexed(&self.in_order(inputs)?)
     }

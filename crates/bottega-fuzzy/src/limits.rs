@@ -9,7 +9,7 @@ impl Limits {
     pub const TEXT_BYTES_MAX: usize = 1 << 20;
     /// Maximum length of a name, a label or a number, in characters.
     pub const WORD_MAX: usize = 128;
-    /// Maximum number of variables of one kind in a block.
+    /// Maximum number of variables of one kind in a block, and of conclusions of one rule.
     pub const VARIABLES_MAX: usize = 64;
     /// Maximum number of terms of a variable.
     pub const TERMS_MAX: usize = 64;
@@ -19,6 +19,6 @@ impl Limits {
     pub const RULES_MAX: usize = 1024;
     /// Maximum number of conclusions of all rules of a block.
     pub const CONCLUSIONS_MAX: usize = 1024;
-    /// Maximum nesting of brackets in a condition.
+    /// Maximum nesting of brackets and `NOT` in a condition.
     pub const DEPTH_MAX: usize = 64;
 }

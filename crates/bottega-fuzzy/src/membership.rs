@@ -12,6 +12,9 @@ pub enum Membership {
 
 impl Membership {
     /// Returns the degree to which `x` belongs to the term, 0..=1.
+    ///
+    /// # Panics
+    /// If the function is [`Membership::Linear`] without a point; the parser makes none such.
     pub fn degree(&self, x: f64) -> f64 {
         match self {
             Self::Singleton(at) => f64::from(u8::from(x == *at)),

@@ -27,10 +27,10 @@ pub enum Or {
 /// The effect of a rule's degree on the term it concludes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Activation {
-    /// Truncates it: min(w, μ).
+    /// Truncates the term: min(w, μ), for a degree w of the rule and a degree μ of the term.
     #[default]
     Min,
-    /// Scales it: w · μ.
+    /// Scales the term: w · μ.
     Prod,
 }
 
@@ -49,7 +49,7 @@ pub enum Accumulation {
 /// The method of defuzzification: makes a single number of the accumulated conclusions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// The center of gravity.
+    /// The center of gravity of the area.
     Cog,
     /// The center of gravity of singletons.
     Cogs,
@@ -110,7 +110,7 @@ macro_rules! words {
             /// All variants, in the order of their declaration.
             pub const ALL: &[Self] = &[$(Self::$variant),+];
 
-            /// Returns the keyword of the operator in FCL.
+            /// Returns the keyword of the operator or method in FCL, such as `MIN`.
             pub fn word(self) -> &'static str {
                 match self { $(Self::$variant => $word),+ }
             }

@@ -14,11 +14,12 @@ const RELIABILITY_RANGE: (f64, f64) = (1.0 / 16.0, 2.0);
 /// An agent's record of promised and measured times.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Credit {
-    /// The paper's credit: the sum of T_est − T over its zones, in seconds of reference-machine time.
+    /// The paper's credit: the sum of T_est − T over the agent's zones in the present work, in seconds of
+    /// reference-machine time.
     pub sum: f64,
     /// Promised times, in the agent's own seconds; a decaying sum in which older zones count less.
     pub promised: f64,
-    /// Measured times of the same zones, in the agent's own seconds, decayed alike.
+    /// Measured times of the same zones, in the agent's own seconds; a sum that decays in the same way.
     pub taken: f64,
 }
 
@@ -43,13 +44,13 @@ impl Credit {
         Self { sum: 0.0, ..*self }
     }
 
-    /// Records a finished zone.
+    /// Records a finished zone; ignores it if its estimate is zero.
     ///
     /// - `estimated`: T_est, in reference-machine time.
     /// - `own`: the agent's own seconds per second of the reference machine, as it reports them.
     /// - `taken`: the time from order to report, by the Master's clock.
-    /// - `worth`: the time other agents' zones suggest for this zone, in reference-machine time. It bounds the credit
-    ///   earned by an estimate that was too long; `None`: unknown, bounded by the measured time.
+    /// - `worth`: the time that measurements of other agents suggest for this zone, in reference-machine time. It
+    ///   bounds the credit earned by an estimate that was too long; `None`: unknown, bounded by the measured time.
     pub fn learn(&mut self, estimated: Duration, own: f64, taken: Duration, worth: Option<Duration>) {
         let taken = taken.as_secs_f64();
         let measured = taken / own;

@@ -120,8 +120,8 @@ impl Classes {
 impl Field {
     /// Sets the speed and load of an agent; `None` removes it: it takes no zones now.
     ///
-    /// - `pace`: own seconds per second of the reference machine, and the time at which it will have painted what it
-    ///   holds, if it holds anything.
+    /// - `pace`: the seconds that the agent needs for one second of work of the reference machine, and the time at
+    ///   which it will have painted what it holds, if it holds anything.
     pub fn set(&mut self, member: MemberId, pace: Option<(f64, Option<Time>)>) {
         let Some((own, ready)) = pace else { return self.remove(member) };
         // Update the agent's entry, or add one
@@ -146,7 +146,7 @@ impl Field {
         self.classes.get_mut().insert(member, &pace);
     }
 
-    /// Removes an agent that has left.
+    /// Removes an agent that has left; no effect if it is not in the field.
     pub fn remove(&mut self, member: MemberId) {
         let Some(slot) = self.slots.get_mut(member.index()).and_then(Option::take) else { return };
         self.members.swap_remove(slot);
@@ -157,7 +157,8 @@ impl Field {
         self.classes.get_mut().remove(member, &pace);
     }
 
-    /// Frees the index by speed if nothing has used it since the last call.
+    /// Frees the index of the agents by speed, unless [`Field::soonest`] or [`Field::anybody_sooner`] has used it since
+    /// the last call.
     pub fn rest(&mut self) {
         let classes = self.classes.get_mut();
         if !std::mem::take(&mut classes.was_used) && std::mem::take(&mut classes.is_kept) {
@@ -174,7 +175,7 @@ impl Field {
         self.paces.iter().map(|pace| pace.own.recip()).sum()
     }
 
-    /// Returns the expected end of all work if it is divided without loss, in seconds from now; infinite without
+    /// Returns the expected end of all work if the work is divided without loss, in seconds from now; infinite without
     /// agents. Reuses the last value while little has changed.
     ///
     /// Agents that are busy beyond that time cannot help before it and are left out.
@@ -222,15 +223,16 @@ impl Field {
     /// Returns the time until an agent finishes one more zone, in seconds from now; infinite if it is not in the field.
     ///
     /// - `now`: in seconds since the start of the platform.
-    /// - `time`: the zone's, in reference-machine seconds.
+    /// - `time`: the time of the zone, in reference-machine seconds.
     pub fn finish(&self, now: f64, time: f64, member: MemberId) -> f64 {
         self.pace(member).map_or(f64::INFINITY, |pace| pace.finish(now, time))
     }
 
-    /// Returns the agent that finishes one more zone soonest, and when, in seconds from now. `None` without agents.
+    /// Returns the time until one more zone is finished, in seconds from now, and the agent that finishes it soonest.
+    /// `None`: there are no agents.
     ///
     /// - `now`: in seconds since the start of the platform.
-    /// - `time`: the zone's, in reference-machine seconds.
+    /// - `time`: the time of the zone, in reference-machine seconds.
     pub fn soonest(&self, now: f64, time: f64) -> Option<(f64, MemberId)> {
         let mut soonest = None;
         self.look(now, time, f64::INFINITY, |finish, member| {
@@ -240,11 +242,12 @@ impl Field {
         soonest
     }
 
-    /// Returns true if another agent finishes a zone before `limit`, in seconds from now.
+    /// Returns true if any agent not left out finishes one more zone before `limit`.
     ///
     /// - `now`: in seconds since the start of the platform.
-    /// - `time`: the zone's, in reference-machine seconds.
-    /// - `except`: true for agents to leave out.
+    /// - `time`: the time of the zone, in reference-machine seconds.
+    /// - `limit`: in seconds from now.
+    /// - `except`: a function that returns true for the agents to leave out.
     pub fn anybody_sooner(&self, now: f64, time: f64, limit: f64, except: impl Fn(MemberId) -> bool) -> bool {
         let mut found = false;
         self.look(now, time, limit, |_, member| {

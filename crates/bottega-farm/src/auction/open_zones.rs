@@ -38,14 +38,16 @@ impl OpenZones {
         (rank, Reverse(offer.zone))
     }
 
-    /// Adds a zone that is open for auction.
+    /// Adds a zone that is open for auction. Give each call the same `rule`, by which the zones are ordered.
     pub fn insert(&mut self, rule: AuctionRule, offer: Offer) {
         if self.waiting.insert(Self::rank(rule, &offer), offer).is_none() {
             self.time += offer.time_estimated;
         }
     }
 
-    /// Removes a zone, given as it was inserted.
+    /// Removes a zone, waiting or on offer; no effect if it is neither.
+    ///
+    /// - `offer`: the same as when the zone was inserted.
     pub fn remove(&mut self, rule: AuctionRule, offer: &Offer) {
         if self.waiting.remove(&Self::rank(rule, offer)).is_some() || self.offered.remove(&offer.zone).is_some() {
             self.time -= offer.time_estimated;

@@ -18,9 +18,10 @@ pub struct RoundSummary {
     pub bids: u32,
     /// Number of zones, or pieces of zones, awarded.
     pub awards: u32,
-    /// Number of zones awarded to another bidder than the one that chose them, because it finishes them sooner.
+    /// Number of zones awarded to a bidder that did not choose them, because it finishes them sooner than the one that
+    /// did.
     pub outbid: u32,
-    /// True if the awards differ from those of a round that believes all promises equally.
+    /// True if credit decided an award: see [`Decision::credit_decided`](crate::Decision::credit_decided).
     pub credit_decided: bool,
 }
 
@@ -49,9 +50,10 @@ pub struct AuctionTally {
     pub rounds: u64,
     /// Number of rounds with several bidders.
     pub contested: u64,
-    /// Number of zones awarded to another bidder than the one that chose them, because it finished them sooner.
+    /// Number of zones awarded to a bidder that did not choose them, because it finishes them sooner than the one that
+    /// did.
     pub outbid: u64,
-    /// Number of rounds whose awards differ from those of a round that believes all promises equally.
+    /// Number of rounds in which credit decided an award: see [`RoundSummary::credit_decided`].
     pub credit_decided: u64,
     /// Number of proposals, over all rounds.
     pub bidders: u64,
@@ -73,7 +75,7 @@ impl AuctionTally {
         tally
     }
 
-    /// Returns the share of contested rounds among the first half of the rounds, 0..=1.
+    /// Returns the share of contested rounds among the first half of the rounds, 0..=1; 0 without rounds.
     pub fn contested_of_first_half(rounds: &[RoundSummary]) -> f64 {
         let half = &rounds[..rounds.len().div_ceil(2)];
         let contested = half.iter().filter(|round| round.is_contested()).count();

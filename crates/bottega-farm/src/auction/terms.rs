@@ -16,10 +16,10 @@ pub enum AuctionRule {
     /// Like [`Self::FinishingTime`], but promises are not weighted by reliability: a baseline to measure the effect of
     /// credit.
     Promised,
-    /// The bidder that is idle first chooses the largest zone that it finishes well before the expected end of the whole
-    /// work, and the bidder that finishes it soonest gets it. If there is no such zone, it gets only one that no other
-    /// agent finishes sooner. So a slow agent does not take the last large zone. The finishing time is the promised
-    /// one, weighted by reliability.
+    /// The bidder that is idle first chooses the largest zone that it finishes well before the expected end of the
+    /// whole work, and the bidder that finishes it soonest gets it. If there is no such zone, the bidder gets one only
+    /// if no other agent finishes that one sooner. So a slow agent does not take the last large zone. The finishing
+    /// time is the promised one, weighted by reliability.
     #[default]
     FinishingTime,
     /// No rounds: the Master deals zones out as they are profiled, each to the agent that finishes it soonest, and idle
@@ -56,9 +56,9 @@ impl AuctionRule {
 /// The proposal of a bidder: its bids, and how many zones it takes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposal {
-    /// The number of zones that it has room for.
+    /// The number of zones that the agent has room for.
     pub room: u32,
-    /// The bids of the agent: one per zone that it wants.
+    /// One bid per zone that the agent wants.
     pub bids: Vec<Bid>,
 }
 
@@ -69,12 +69,13 @@ pub struct Bidder {
     pub agent: MemberId,
     /// The bidder's credit by the paper: the sum of T_est − T, in seconds.
     pub credit: f64,
-    /// The factor on the bidder's promises, from its reliability: 1 if it kept them, 0.5 if zones took twice as long.
+    /// The factor on the bidder's promises, from its reliability: 1 if promises were kept, 0.5 if zones took twice as
+    /// long.
     pub worth: f64,
-    /// Seconds that all processors of the bidder together need for one second of work of the reference machine, as it
-    /// reports them.
+    /// Seconds that all processors of the bidder together need for one second of work of the reference machine, as the
+    /// bidder reports them.
     pub own: f64,
-    /// The number of zones that it lacks to have as many as it works on at once.
+    /// The number of zones that the agent lacks to have as many as it works on at once.
     pub needs: u32,
     /// The bidder's proposal in this round.
     pub proposal: Proposal,
@@ -93,11 +94,11 @@ pub struct Award {
 
 /// The Master's knowledge at the end of a round.
 pub struct BidderStanding<'a> {
-    /// All agents of the Master, including those that do not bid.
+    /// All agents of the Master that may take zones, including those that do not bid.
     pub field: &'a Field,
-    /// The end of the round, in seconds.
+    /// The end of the round, in seconds since the start of the platform.
     pub now: f64,
-    /// T_est of all zones that no agent holds, in seconds of reference-machine time.
+    /// The sum of T_est of all zones that no agent holds, in reference-machine seconds.
     pub open: f64,
     /// A function that returns true if a zone can be cut; `None`: cutting is off.
     pub can_cut: Option<&'a dyn Fn(ZoneId) -> bool>,
@@ -106,10 +107,12 @@ pub struct BidderStanding<'a> {
 /// The decision of a round: its awards, and figures about them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Decision {
-    /// The awards, one per winner and zone.
+    /// The awards, one for each zone that has a winner.
     pub awards: Vec<Award>,
-    /// Number of zones awarded to another bidder than the one that chose them, because it finishes them sooner.
+    /// Number of zones awarded to a bidder that did not choose them, because it finishes them sooner than the one that
+    /// did.
     pub outbid: u32,
-    /// True if the awards differ from those of a round that believes all promises equally.
+    /// True if credit decided an award: the awards differ from those of a round that believes all promises equally, or
+    /// under [`AuctionRule::Paper`] a bidder won against an earlier one by more credit.
     pub credit_decided: bool,
 }

@@ -5,13 +5,13 @@ use bottega_agents::AgentId;
 use super::zone::{ZoneRow, ZoneState};
 
 impl ZoneRow {
-    /// Returns true if no agent of the same machine has voted on the zone's current step.
+    /// Returns true if no agent with the same [`home`](AgentId::home) as `agent` has voted on the zone's current step.
     pub fn is_new_to(&self, agent: &AgentId) -> bool {
         self.votes.iter().all(|vote| vote.agent.home() != agent.home())
     }
 
-    /// Returns the row with its samples discarded. The chosen settings stay, because the neighbors' bands were made
-    /// for them.
+    /// Returns the row without its samples, votes and times: the zone is open again. The chosen settings stay, because
+    /// the neighbors' bands were made for them.
     #[must_use]
     pub fn unpainted(&self) -> Self {
         Self {
@@ -27,7 +27,8 @@ impl ZoneRow {
         }
     }
 
-    /// Returns the row with this many attempts fewer, for failures that were not the zone's fault.
+    /// Returns the row with this many attempts fewer, for failures that were not the zone's fault. A zone that was
+    /// given up waits again.
     #[must_use]
     pub fn forgiven(&self, attempts: u32) -> Self {
         let attempt = self.attempt.saturating_sub(attempts);

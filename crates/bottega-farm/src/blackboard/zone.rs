@@ -32,34 +32,37 @@ pub struct ZoneRow {
     /// The paper's T_real: the measured time of the zone's last painting, in reference-machine time. `None`: nothing is
     /// painted but the profile, and the goal is not a time.
     pub time_measured: Option<Duration>,
-    /// The agent that is, or was last, responsible for the zone; `None`: none was yet.
+    /// The agent that is, or was last, responsible for the zone; `None`: none was, or the zone was opened again without
+    /// it.
     pub agent: Option<AgentId>,
     /// The state of the zone, from unprofiled to done.
     pub state: ZoneState,
-    /// Number of times that the zone was taken from an agent that failed or stopped responding.
+    /// Number of failed attempts that count against the zone: each time it was taken from an agent that failed or
+    /// stopped responding.
     pub attempt: u32,
     /// The settings: chosen at profiling, and again by the winner of the auction if its rules decide. `None`: not yet chosen.
     pub choice: Option<Choice>,
-    /// The agent and the rules that chose the settings.
+    /// The rules that chose the settings, with their degrees: see [`Expert::reasons`](crate::Expert::reasons). `None`:
+    /// no rules chose them yet.
     pub reasons: Option<Arc<str>>,
-    /// The samples painted so far.
+    /// The samples painted so far, by reference; `None`: none.
     pub result: Option<ResultRef>,
     /// Samples per pixel that the zone's next painting reaches; `None`: all samples of its choice.
     pub goal: Option<u32>,
-    /// Estimated relative error of the samples so far, if requested.
+    /// Estimated relative error of the samples so far; `None`: not requested, or not known.
     pub error: Option<f64>,
     /// If this row is a piece of a zone: the pixels of the piece. `None`: the whole zone with its band.
     pub piece: Option<Rect>,
     /// If this row is a piece: the zone of the Analyst that it was cut from, whose mask composes it. `None`: a zone of
     /// the Analyst.
     pub root: Option<ZoneId>,
-    /// The last piece that was cut off this zone. This entry is written before the row of the piece; an agent that finds that row
-    /// missing writes it.
+    /// The last piece that was cut off this zone. This entry is written before the row of the piece; a Master that
+    /// finds that row missing writes it.
     pub cut: Option<Cut>,
     /// A second valid order, of the agent that held the zone before another took it over: the first report counts.
     pub rival: Option<Rival>,
-    /// The paintings that agents reported for its current step, until enough of them agree. Empty if paintings are not
-    /// compared.
+    /// The paintings that agents reported for the zone's current step, until enough of them agree. Empty if paintings
+    /// are not compared.
     pub votes: Vec<Vote>,
     /// The agent whose unconfirmed painting was accepted, where other agents' confirmation was requested.
     pub word_of: Option<AgentId>,
@@ -86,14 +89,15 @@ pub struct Rival {
 /// Minimum side of a piece, in pixels.
 const PIECE_SIDE_MIN: u32 = 8;
 
-/// The state of a zone. It only advances, except for zones taken back from an agent.
+/// The state of a zone. It only advances, unless the zone is taken back from an agent or painted again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum ZoneState {
-    /// No agent has had the zone yet.
+    /// The zone has no samples that count, and waits for an agent to profile it.
     Open,
     /// An agent paints the first samples.
     Profiling,
-    /// The zone has first samples and T_est, and waits for the auction.
+    /// The zone waits for the auction, or for the next pass over the picture: its first samples are painted, or its
+    /// time was predicted well enough without them.
     Profiled,
     /// An agent paints the zone. The fencing token is the revision of the row with this state.
     Awarded,
@@ -202,9 +206,9 @@ impl ZoneRow {
         let (low, high) = if wide { (whole.x0, whole.x1) } else { (whole.y0, whole.y1) };
         let side_min = PIECE_SIDE_MIN.max(grid);
         if high - low < 2 * side_min {
-            // Snap the cut to the grid, with both pieces at least the minimum size
             return None;
         }
+        // Snap the cut to the grid, with both pieces at least the minimum size
         let kept = (f64::from(high - low) * share).round() as u32;
         let at = nearest_multiple(low + kept.clamp(side_min, high - low - side_min), grid);
         if at < low + PIECE_SIDE_MIN || at > high - PIECE_SIDE_MIN {
@@ -252,8 +256,8 @@ impl ZoneRow {
         }
     }
 
-    /// Returns true if the rules of the agent that wins the zone choose its settings: only profiling samples are painted, and
-    /// no part of it was given to another agent.
+    /// Returns true if the rules of the agent that wins the zone choose its settings: optimization is on, the goal is a
+    /// number of samples, no samples but those of profiling are painted, nothing was cut off, and there are no votes.
     pub fn is_undecided(&self, settings: &WorkSettings) -> bool {
         let is_whole = self.piece.is_none() && self.cut.is_none() && self.votes.is_empty();
         let is_profiled = |choice: Choice| self.samples_done() <= choice.profile_samples(&settings.goal);
@@ -273,7 +277,7 @@ impl ZoneRow {
         Self { choice: Some(choice), result: None, goal: None, time_estimated, ..self.clone() }
     }
 
-    /// Returns the agents that hold the zone: its agent and the rival.
+    /// Returns the agents that hold the zone: its agent and the rival; none if the zone is not in hand.
     pub fn holders(&self) -> impl Iterator<Item = &AgentId> {
         let holders = [self.agent.as_ref(), self.rival.as_ref().map(|rival| &rival.agent)];
         holders.into_iter().flatten().filter(|_| self.is_in_hand())
@@ -356,7 +360,8 @@ impl ZoneRow {
         })
     }
 
-    /// Returns the row after a restart of the whole farm: no agent holds it, and no failed attempts count.
+    /// Returns the row after a restart of the whole farm: no agent holds the zone, no failed attempts count, and a zone
+    /// that was given up waits again.
     #[must_use]
     pub fn resumed(&self) -> Self {
         let state = match self.state {

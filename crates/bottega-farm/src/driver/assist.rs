@@ -17,13 +17,14 @@ use super::{
 };
 use crate::{FarmAgent, FarmContent, MasterSource, contents::message, protocol};
 
-/// Renders for a work until its Master dismisses the agents of this process, or until `stop` is requested. Returns `true`
-/// if the work has ended.
+/// Renders for a work until its Master dismisses the agents of this process, or until `stop` is requested. Returns
+/// `true` if the work has ended, `false` if it was stopped before.
 ///
 /// - `settings`: those of the work, except for `agents`, `processors` and `experts`, which are this machine's.
 ///
 /// # Errors
-/// The engine cannot be prepared, the Master has excluded all agents of this process, or a thread cannot be started.
+/// The settings are invalid, the engine cannot be prepared, the Master has excluded all agents of this process, an
+/// agent of this process ends before the work, or a thread cannot be started.
 pub fn assist(
     settings: &JobSettings,
     engine: Arc<dyn RenderEngine>,

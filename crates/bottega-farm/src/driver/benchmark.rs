@@ -8,11 +8,11 @@ use crate::RelativePower;
 
 /// The processor time of one run on the reference machine, for which the weights of the predicted time were fitted.
 const REFERENCE_TIME: Duration = Duration::from_millis(14);
-/// The least number of runs of the benchmark,
+/// Minimum number of runs of the benchmark.
 const TURNS_MIN: u32 = 3;
-/// the least total time,
+/// Minimum total time of these runs.
 const TIME_MIN: Duration = Duration::from_millis(250);
-/// and the total time after which no further run starts.
+/// Total time after which no further run starts.
 const TIME_MAX: Duration = Duration::from_millis(1500);
 /// Number of runs that show the present load: one fewer than show the speed.
 const LOAD_TURNS: u32 = 2;
@@ -26,8 +26,8 @@ const LOAD_MAX: f64 = 64.0;
 pub struct MachineSpeed {
     /// V_cp by processor time, so other programs change it little.
     pub power: RelativePower,
-    /// Clock time per processor time while it was measured: 1 on a quiet machine, 2 where other programs took half of the
-    /// processor.
+    /// Clock time per processor time while the machine was measured: 1 on a quiet machine, 2 where other programs took
+    /// half of the processor.
     pub load: f64,
 }
 
@@ -35,7 +35,7 @@ impl MachineSpeed {
     /// The reference machine, quiet.
     pub const REFERENCE: Self = Self { power: RelativePower::REFERENCE, load: 1.0 };
 
-    /// Returns true if other programs took next to nothing while it was measured.
+    /// Returns true if other programs took next to no processor time while the machine was measured.
     pub fn is_quiet(&self) -> bool {
         self.load <= QUIET
     }

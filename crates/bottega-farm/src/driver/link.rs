@@ -34,12 +34,12 @@ pub struct Link {
     pub work: WorkId,
     /// The number of the work's job. `None`: no job; its agents know their Master's name and are not registered.
     pub job: Option<u32>,
-    /// The unique name of this process, which its agents' names end with.
+    /// The unique name of this process, with which the names of its agents end.
     pub name: String,
 }
 
 impl Link {
-    /// Returns the name of the work's Master, whichever process leads it.
+    /// Returns the id of the work's Master, with its address; the name is the same whichever process leads the work.
     pub fn master(&self) -> AgentId {
         self.agent(format!("master@work-{}", self.work.0))
     }
@@ -74,7 +74,8 @@ impl Link {
     /// - `id`: the digest of the tile.
     ///
     /// # Errors
-    /// The tile cannot be stored, with the reason.
+    /// The network cannot store the tile and a retry would not help, or `stop` is requested before it is stored; with
+    /// the reason.
     pub fn put(&self, id: BlobId, tile: &Tile, stop: &StopSwitch) -> Result<(), String> {
         let mut bytes = Vec::new();
         wire::put_tile(tile, &mut bytes);
@@ -89,7 +90,8 @@ impl Link {
     /// - `result`: the reference to the tile, with its digest.
     ///
     /// # Errors
-    /// The tile is missing, cannot be read, or has another digest, with the reason.
+    /// The tile is missing, cannot be read, is larger than 1 GiB, or has another digest, or `stop` is requested before
+    /// the network answers; with the reason.
     pub fn get(&self, result: &ResultRef, stop: &StopSwitch) -> Result<Tile, String> {
         let name = self.blob(result.digest);
         let packed = self.patiently(stop, || self.transport.get_tile(&name, TILE_BYTES_MAX))?;
@@ -121,7 +123,7 @@ impl Link {
         }
     }
 
-    /// Deletes all data of the work at the farm: its rows and its tiles.
+    /// Deletes all data of the work at the farm: its rows and its tiles. Errors are not reported.
     pub fn forget(&self) {
         self.transport.forget(&WorkKeys::new(self.work).prefix(), &self.folder());
     }

@@ -34,27 +34,27 @@ pub struct JobSettings {
     pub tunables: Tunables,
     /// The values that the film holds, as the engine's tiles do.
     pub layout: Layout,
-    /// The level of the partition.
+    /// The last level of the partition to carry out.
     pub level: Level,
     /// The approximate number of zones. `None`: determined by the number of agents and the limits.
     pub zones: Option<u32>,
-    /// The limits of a zone's size.
+    /// The limits on zones in the partition.
     pub zone_limits: ZoneLimits,
-    /// The degree to which rules may optimize.
+    /// The degree to which rules may lower `samples` and `tunables`.
     pub optimization: Optimization,
-    /// The number of Render Agents.
+    /// The number of Render Agents of this process, at most [`AGENTS_MAX`].
     pub agents: usize,
     /// The width of the bands between zones.
     pub bands: BandWidth,
-    /// The rule sets of the agents, used in turn if there are fewer than agents.
+    /// The rule sets of the agents, at least one; used in turn if there are fewer than agents.
     pub experts: Vec<Expert>,
-    /// The rules for the choice of an engine, if there are several.
+    /// The rules for the choice between two engines; `None`: no preference.
     pub engine_choice: Option<EngineChoice>,
-    /// The number of processors of the engine.
+    /// The number of processors that the engine uses.
     pub processors: usize,
     /// The importance function of the Analyst.
     pub importance: ImportanceFunction,
-    /// The award rule of an auction.
+    /// The rule of the auctions.
     pub auction: AuctionRule,
     /// The rule by which agents learn their speed.
     pub adaptation: AdaptationRule,
@@ -66,7 +66,7 @@ pub struct JobSettings {
     pub experience_of_farm: Arc<Experience>,
     /// The identifier of engine, integrator and other settings that affect zone times: experience is kept per technique.
     pub technique: Arc<str>,
-    /// The picture, by which a later job of the same scene is recognized.
+    /// The identity of the picture, by which a later job with the same picture is recognized.
     pub subject: Subject,
     /// V_cp of this machine by its benchmark, and its load now.
     pub benchmark: MachineSpeed,
@@ -171,30 +171,31 @@ pub enum JobError {
         /// Height of the picture, in pixels.
         height: u32,
     },
-    /// A number is out of range.
+    /// A number is 0 or above its maximum.
     #[error("{value} {what} cannot be")]
     Count {
-        /// The name of the setting.
+        /// The name of the setting, in the plural, for display.
         what: &'static str,
         /// The value that is out of range.
         value: usize,
     },
-    /// The stored progress is of another job.
+    /// The stored progress was painted with other settings: another size, crop, number of samples, goal, optimization,
+    /// or other [`Tunables`].
     #[error("the stored progress has other settings")]
     OtherWork,
-    /// The goal is not a positive finite number.
+    /// The requested error is not a positive finite number, or the requested time is 0.
     #[error("the requested error or time must be greater than 0")]
     Goal,
-    /// The scene could not be analyzed, or an internal step failed.
+    /// The scene could not be surveyed, analyzed or prepared, or an agent ended before the work.
     #[error("the job was given up: {reason}")]
     Abandoned {
         /// The cause, for display.
         reason: String,
     },
-    /// Results cannot be compared.
+    /// [`JobSettings::verify`] is above 1, but there are no other machines with which to compare results.
     #[error("cannot compare the results of agents: {reason}")]
     Verify {
-        /// The reason why they cannot, for display.
+        /// The reason why results cannot be compared, for display.
         reason: &'static str,
     },
     /// The Master has excluded all agents of this process.

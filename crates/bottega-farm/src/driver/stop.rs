@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Stops a job early, from any thread, for example from a signal handler. Rendered samples are kept. Clones share the switch.
+/// A switch that stops a job early, from any thread. Rendered samples are kept. Clones share the switch.
 #[derive(Clone, Default)]
 pub struct StopSwitch(Arc<Mutex<SwitchState>>);
 

@@ -72,8 +72,8 @@ impl Lessons {
     /// Learns from a job.
     ///
     /// - `observed`: per zone its kinds, from the widest to the narrowest, and the measured logarithm.
-    /// - `weight`: of the job, 0..=1.
-    /// - `job`: its number.
+    /// - `weight`: the weight of the job, 0..=1.
+    /// - `job`: the number of the job.
     pub(super) fn learn(&mut self, observed: &[(Vec<String>, f64)], weight: f64, job: u64) {
         let mut rest: Vec<f64> = observed.iter().map(|(_, log)| log.clamp(-LOG_MAX, LOG_MAX)).collect();
         // From the widest kind to the narrowest

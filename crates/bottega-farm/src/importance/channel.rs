@@ -20,7 +20,8 @@ pub enum Channel {
     Shadow,
     /// Vertices per path at surfaces with several lobes, plus texture lookups: the cost of scattering.
     Material,
-    /// Levels of recursion in mirror and transparent surfaces.
+    /// Levels of recursion in mirror and transparent surfaces: mean number of consecutive mirrored or refracted
+    /// bounces.
     Recursion,
     /// Nearness of the first surface: 1 for the nearest, falling with the reciprocal of distance, 0 without a surface.
     Depth,
@@ -65,7 +66,7 @@ impl Channel {
         }
     }
 
-    /// Returns a short description of its values, for users.
+    /// Returns a short description of the channel's values, for users.
     pub fn meaning(self) -> &'static str {
         match self {
             Self::Steps => "traversal steps of a path",

@@ -23,17 +23,18 @@ const BOUNCES_MAX: f64 = 1e3;
 /// Features that distinguish tasks, from the survey's paths.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TaskFeatures {
-    /// Share of paths that hit a mirror or glass first, 0..=1.
+    /// Degree of reflection and refraction, 0..=1: mean over the survey's cells of the number of consecutive mirrored
+    /// or refracted bounces per path, at most 1 per cell.
     pub glass: f64,
-    /// Share of vertices with a texture, 0..=1.
+    /// Texture lookups per path vertex: mean over the survey's cells, at most 1 per cell.
     pub texture: f64,
-    /// Share of segments inside media, 0..=1.
+    /// Share of path segments inside media, 0..=1.
     pub media: f64,
     /// Share of the predicted time that rays towards lights take, 0..=1.
     pub shadow: f64,
     /// Share of the predicted time that surfaces of several lobes and textures take, 0..=1.
     pub material: f64,
-    /// Mean number of vertices of a path.
+    /// Mean number of vertices of a path, at most 1000.
     pub bounces: f64,
 }
 
@@ -42,7 +43,7 @@ pub struct TaskFeatures {
 pub struct TaskOutlook {
     /// The pixels of the part.
     pub rect: Rect,
-    /// Predicted time of one sample for each of its pixels, in seconds of the reference machine.
+    /// Predicted time of one sample in every pixel of the part, all together, in seconds of the reference machine.
     pub sample_time: f64,
     /// The features of the part, for the model of its technique.
     pub features: TaskFeatures,
@@ -53,9 +54,10 @@ pub struct TaskOutlook {
 pub struct PictureOutlook {
     /// The pixels that the grid covers evenly.
     pub frame: Rect,
-    /// The prediction for each zone, by id.
+    /// The prediction for each zone, in the order of their ids.
     pub zones: Vec<TaskOutlook>,
-    /// Predicted seconds per sample and pixel, row-major, [`OUTLOOK_COLUMNS`] × [`OUTLOOK_ROWS`].
+    /// Predicted seconds of the reference machine per sample and pixel, row-major, [`OUTLOOK_COLUMNS`] ×
+    /// [`OUTLOOK_ROWS`].
     pub grid: Vec<f64>,
 }
 

@@ -56,7 +56,7 @@ impl Ledger {
 
     /// Counts a zone with its new row. Appends the agents whose load has changed.
     ///
-    /// - `holders`: the row's.
+    /// - `holders`: the agents that hold the zone, by the row.
     /// - `order_time`: see [`ZoneRow::order_time`].
     pub(super) fn count(
         &mut self,

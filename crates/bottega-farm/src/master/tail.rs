@@ -30,7 +30,7 @@ pub(super) fn help_out(now: Time, helper: MemberId, assignments: &mut Assignment
     }
 }
 
-/// Does this for all idle agents.
+/// Gives idle agents the zones that their holders are too slow with, if no other zones wait.
 pub(super) fn help_all(now: Time, assignments: &mut Assignments, actions: &mut Vec<FarmAction>) {
     if assignments.config.shares_tail && assignments.ledger.open.is_empty() {
         for agent in assignments.roster.idle(HELPERS_MAX) {

@@ -81,8 +81,8 @@ impl Default for ZoneLimits {
 pub struct PartitionSettings {
     /// The last level to carry out.
     pub level: Level,
-    /// Number of zones wanted. Level 3 makes that many; level 1 cuts down to the frame's complexity divided by it,
-    /// unless limited otherwise.
+    /// Number of zones wanted. Level 3 makes that many; level 1 cuts zones above the frame's complexity divided by this
+    /// number, unless limited otherwise.
     pub zone_count: u32,
     /// Minimum number of zones, however expensive each is: one per agent.
     pub zones_least: u32,

@@ -36,7 +36,7 @@ pub struct MachineSpec {
 pub struct AgentSpec {
     /// Index of the agent's machine.
     pub machine: usize,
-    /// The time at which the agent joins.
+    /// The time at which the agent joins, from the start of the platform.
     pub joins: Duration,
 }
 
@@ -47,7 +47,7 @@ pub struct Incident {
     pub at: Duration,
     /// Index of the agent.
     pub agent: usize,
-    /// The kind, with its parameters.
+    /// The kind of the incident, with its parameters.
     pub kind: IncidentKind,
 }
 
@@ -151,6 +151,9 @@ impl FarmSpec {
     /// waiting; both from the start of the platform. `None`: the remaining agents never finish it.
     ///
     /// - `work`: processor time at speed 1, in seconds.
+    ///
+    /// # Panics
+    /// If the machine of an agent or the agent of an incident does not exist.
     pub fn least_time(&self, start: Duration, work: f64) -> Option<Duration> {
         // Integrate the total speed, which is constant between changes
         let mut changes: Vec<(f64, f64)> = Vec::new();

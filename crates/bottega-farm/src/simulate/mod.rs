@@ -48,13 +48,13 @@ const AFTERWARDS: Duration = Duration::from_secs(20);
 /// The plan of a simulation: agents, network and rules.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// The machines of the farm, with their faults.
+    /// The machines and the agents of the farm, with their incidents.
     pub farm: FarmSpec,
-    /// Faults of the network. Agents that it kills come back; those of [`FarmSpec::incidents`] do not.
+    /// Faults of the network. Agents that these faults kill come back; those of [`FarmSpec::incidents`] do not.
     pub faults: Faults,
     /// `true`: the faults may kill the Master.
     pub master_may_crash: bool,
-    /// Share of orders that fail, 0..1.
+    /// Share of all orders that fail, 0..1.
     pub failures: f64,
     /// Maximum relative error of an agent's benchmark.
     pub benchmark_error: f64,
@@ -137,7 +137,8 @@ pub enum SimulationError {
     /// There are no agents.
     #[error("nobody paints")]
     NoAgents,
-    /// The run does not end, for example because no agent is left.
+    /// The run did not end within a hundred times its lower bound plus an hour of virtual time, for example because no
+    /// agent is left.
     #[error("no agent is left to paint: {painted} of {zones} zones were painted after {} s of virtual time", .after.as_secs())]
     Unfinished {
         /// Virtual time at which it was stopped.
@@ -167,6 +168,10 @@ pub enum SimulationError {
 ///
 /// # Errors
 /// There are no agents, the run does not end, the Master abandons the work, or an invariant is violated.
+///
+/// # Panics
+/// If the machine of an agent or the agent of an incident does not exist, or if neither the plan nor the record has
+/// rules for the agents.
 pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<SimulationOutcome, SimulationError> {
     let mut play = Play::new(piece, plan)?;
     let work: f64 = piece.zone_seconds().sum();

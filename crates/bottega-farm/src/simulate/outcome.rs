@@ -27,11 +27,12 @@ pub struct SimulationOutcome {
     pub lacked_machines: bool,
     /// Number of messages until the picture was complete.
     pub messages: u64,
-    /// Number of films begun: one per life of the Master.
+    /// Number of films begun: the first, and one more each time that a Master restarted or a composed zone was painted
+    /// again.
     pub films: u32,
     /// The rounds of the auction, in the order in which they ended.
     pub rounds: Vec<RoundSummary>,
-    /// The thefts, in order.
+    /// The thefts, in the order in which they happened.
     pub thefts: Vec<Theft>,
     /// The agents, in the order of the farm.
     pub agents: Vec<AgentOutcome>,
@@ -74,8 +75,9 @@ impl SimulationOutcome {
         self.agents.iter().map(|agent| (agent.name.clone(), agent.credit)).collect()
     }
 
-    /// Returns V_cp of the agents, for [`Plan::powers`](super::Plan::powers) of the next work. Agents learn it from estimates
-    /// that they themselves have made, so all may drift together: their mean is scaled to that at the start.
+    /// Returns V_cp of the agents, for [`Plan::powers`](super::Plan::powers) of the next work. Agents learn it from
+    /// estimates that they themselves have made, so all may drift together: their geometric mean is scaled to that at
+    /// the start.
     pub fn powers(&self) -> BTreeMap<String, RelativePower> {
         let drift = |agent: &AgentOutcome| (agent.power.get() / agent.first_power.get()).ln();
         let mean = self.agents.iter().map(drift).sum::<f64>() / self.agents.len().max(1) as f64;
@@ -83,13 +85,14 @@ impl SimulationOutcome {
         self.agents.iter().map(|agent| (agent.name.clone(), power(agent))).collect()
     }
 
-    /// Returns the lower bound over the time taken, 0..=1; 0 without a bound.
+    /// Returns the ratio of the lower bound to the time taken, 0..=1; 0 without a bound.
     pub fn efficiency(&self) -> f64 {
         self.least.map_or(0.0, |least| least.as_secs_f64() / self.makespan.as_secs_f64().max(1e-12))
     }
 
-    /// Returns the worst ratio of predicted to actual remaining time, or its inverse, once a share of the work was
-    /// done. Errors below a second, or below a twentieth of the whole time, are ignored. `None`: no predictions.
+    /// Returns the largest factor between predicted and actual remaining time, in either direction, over the
+    /// predictions made once a share of the work was done; at least 1. Errors below a second, or below a twentieth of
+    /// the whole time, count as 1. `None`: there are no such predictions.
     ///
     /// - `from`: share of the cost, 0..1.
     pub fn worst_time_left(&self, from: f64) -> Option<f64> {

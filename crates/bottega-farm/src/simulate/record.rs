@@ -27,13 +27,13 @@ pub struct Record {
     pub level: Level,
     /// Number of agents, all on one machine.
     pub agents: usize,
-    /// Processors of the machine.
+    /// Number of processors of the machine.
     pub processors: usize,
     /// V_cp of the machine.
     pub relative_power: f64,
     /// The zones, in the order of a [`Partition`].
     pub zones: Vec<RecordedZone>,
-    /// The cost of painting by place.
+    /// Processor time of painting, by place.
     pub costs: CostGrid,
     /// Wall time from start to end.
     pub total: Duration,
@@ -52,7 +52,7 @@ pub struct Record {
 /// The rules by which the agents of a run chose the settings of zones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedRules {
-    /// The rules as FCL texts.
+    /// The rule sets as FCL texts, assigned to the agents in rotation.
     pub texts: Vec<String>,
     /// The width of the bands.
     pub bands: BandWidth,
@@ -120,8 +120,9 @@ impl RecordedZone {
         self.rect.grown_by(self.choice.bands, frame)
     }
 
-    /// Returns the processor time of samples `start..end` of all its pixels, in seconds: the measured times, spread
-    /// evenly over the first samples and over the rest.
+    /// Returns the processor time of samples `start..end` of all pixels of the zone, in seconds: the measured times,
+    /// spread evenly over the first samples and over the rest. Samples beyond the measured ones cost as much as the
+    /// last of these.
     pub fn seconds(&self, start: u32, end: u32) -> f64 {
         let profiled = self.choice.profile_samples(&Goal::Samples);
         let part = |from: u32, to: u32, time: Duration| {
@@ -136,7 +137,7 @@ impl RecordedZone {
         part(0, profiled, self.profiling) + part(profiled, self.choice.samples, self.painting) + beyond
     }
 
-    /// Returns the processor time of all samples of all its pixels.
+    /// Returns the processor time of all samples of all pixels of the zone.
     pub fn total(&self) -> Duration {
         self.profiling + self.painting
     }
@@ -145,7 +146,7 @@ impl RecordedZone {
 /// Processor time by place, in cells of [`CELL_SIDE`]² pixels that start at multiples of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CostGrid {
-    /// Column and row of the first cell.
+    /// Column and row of the first cell, counted from the origin of the picture.
     pub origin: (u32, u32),
     /// Cells per row.
     pub columns: u32,
@@ -215,7 +216,7 @@ pub enum RecordError {
         /// The problem, as text for the user.
         problem: String,
     },
-    /// The text has another version.
+    /// The record has another version of the format.
     #[error("it is a record of version {found}; this program reads version {}: record it again", VERSION)]
     Version {
         /// The version found.
@@ -235,7 +236,7 @@ impl Record {
     /// Checks that the record may come from a run; records are read from files and not trusted.
     ///
     /// # Errors
-    /// The first invalid value.
+    /// A value is invalid: the error names the first one.
     pub fn check(&self) -> Result<(), RecordError> {
         let wrong = |field: &str, problem: &str| {
             Err(RecordError::Value { field: field.to_owned(), problem: problem.to_owned() })

@@ -48,7 +48,7 @@ struct Task {
 }
 
 impl Recorder {
-    /// Makes a recorder between a job and its engine and observer.
+    /// Makes a recorder between a job and its engine and observer, to which it forwards everything.
     pub fn new(engine: Arc<dyn RenderEngine>, observer: Arc<dyn Observer>) -> Self {
         Self { engine, observer, log: Arc::default() }
     }

@@ -21,7 +21,7 @@ use crate::{
 /// A prediction of the remaining time, at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeLeft {
-    /// Virtual time since the start of the work.
+    /// Virtual time since the start of the platform.
     pub at: Duration,
     /// Share of the cost done, 0..=1.
     pub done: f64,
@@ -49,9 +49,9 @@ pub struct Span {
     pub agent: u32,
     /// The zone that the agent painted.
     pub zone: ZoneId,
-    /// Time of the beginning.
+    /// Virtual time of the beginning.
     pub begin: Time,
-    /// Time of the end.
+    /// Virtual time of the end.
     pub end: Time,
     /// The kind of work done in the span.
     pub kind: SpanKind,

@@ -72,13 +72,13 @@ struct SyntheticCost {
 /// The spread of costs in a synthetic work. All are standard deviations of logarithms, except the mean.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SyntheticSpread {
-    /// Spread of the costs of zones, whose mean is [`Self::mean_seconds`].
+    /// Spread of the costs of zones around [`Self::mean_seconds`].
     pub zones: f64,
     /// Spread of the importance map's predictions, relative to the cost.
     pub prediction: f64,
     /// Spread of profiling's estimates, relative to the cost.
     pub profiling: f64,
-    /// Mean cost of a zone, in seconds.
+    /// Mean processor time of a zone at speed 1, in seconds.
     pub mean_seconds: f64,
 }
 
@@ -105,8 +105,8 @@ pub enum WorkpieceError {
 impl Workpiece {
     /// Makes the work of a record.
     ///
-    /// - `scale`: each zone is cut into this many, of about equal size, with predicted costs in proportion to their
-    ///   sizes.
+    /// - `scale`: each zone is cut into this many, or as many as its pixels allow, of about equal size, with predicted
+    ///   costs in proportion to their sizes.
     ///
     /// # Errors
     /// The work has no zones, or too many; or the recorded rules cannot be used.
@@ -274,7 +274,8 @@ impl Workpiece {
         crate::Choice::unchanged(&self.work.settings).profile_samples(&self.work.settings.goal)
     }
 
-    /// Returns the processor time of each zone at speed 1, in seconds, with the recorded settings.
+    /// Returns the processor time of each zone at speed 1, in seconds, in the order of the zones' ids, with the
+    /// recorded settings.
     pub fn zone_seconds(&self) -> impl Iterator<Item = f64> {
         let samples = self.work.settings.samples;
         self.zones.iter().enumerate().map(move |(index, zone)| match &self.costs {

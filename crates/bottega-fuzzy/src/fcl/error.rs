@@ -12,7 +12,8 @@ pub struct Position {
 }
 
 impl Position {
-    /// Returns the byte range in `text` of the token at this position; empty at the end of the text.
+    /// Returns the byte range in `text` of the word, number or single character at this position; empty at the end of
+    /// the text and beyond it.
     pub fn range_in(self, text: &str) -> std::ops::Range<usize> {
         let line_start = match self.line.checked_sub(2) {
             Some(before) => text.match_indices('\n').nth(before).map_or(text.len(), |(newline, _)| newline + 1),
@@ -57,20 +58,20 @@ pub enum FclErrorKind {
     /// An unexpected token.
     #[error("expected {expected}, found {found}{}", did_you_mean(.suggestion))]
     Unexpected {
-        /// The expected tokens.
+        /// The expected tokens, for display.
         expected: String,
         /// The token found.
         found: String,
         /// A similar keyword, if any.
         suggestion: Option<String>,
     },
-    /// A number that is not finite.
+    /// A number that is too large for a 64-bit float, as written.
     #[error("`{0}` is not a usable number")]
     BadNumber(String),
     /// An undeclared name.
     #[error("there is no {what} `{name}`{}", did_you_mean(.suggestion))]
     Unknown {
-        /// The kind of name that is expected, as text.
+        /// The kind of name that is expected, as text for display: `input`, `output`.
         what: String,
         /// The undeclared name.
         name: String,
@@ -80,36 +81,37 @@ pub enum FclErrorKind {
     /// A name or clause that is declared twice.
     #[error("{what} `{name}` is declared twice")]
     Twice {
-        /// The kind of thing.
+        /// The kind of thing, for display: `the variable`, `the term`, or a clause such as `RANGE`.
         what: &'static str,
-        /// The name that is declared twice.
+        /// The name that is declared twice; for a clause, the name of its variable or rule block.
         name: String,
     },
-    /// A declared variable lacks a part.
+    /// A variable has no `TERM`, no `METHOD` or no block of its own, or a rule uses it before that block.
     #[error("{what} `{name}` {lacks}")]
     Incomplete {
-        /// The kind of thing.
+        /// The kind of variable, for display: `the input` or `the output`.
         what: &'static str,
         /// The name of the variable.
         name: String,
-        /// The missing part.
+        /// The missing part, as the end of a sentence for display: `has no TERM`.
         lacks: &'static str,
     },
-    /// The points of a term have decreasing x.
+    /// The x of a point is less than that of the point before, or too far above it: the x before, and this x.
     #[error("the points are out of order: x falls from {0} to {1}")]
     PointsOutOfOrder(f64, f64),
     /// A degree or weight outside of 0..=1.
     #[error("{what} {value} lies outside of 0 to 1")]
     OutsideUnit {
-        /// The name of the number.
+        /// The name of the number, for display: `the degree`, `the weight`.
         what: &'static str,
         /// The value that was read.
         value: f64,
     },
-    /// An empty range.
+    /// The lower end of a range is not below its upper end, or its width is not finite: the two ends.
     #[error("the range from {0} to {1} is empty: are its ends swapped?")]
     EmptyRange(f64, f64),
-    /// Singletons with a method that needs areas, areas with COGS, or both in one variable.
+    /// Singletons with COG or COA, areas with COGS, both in one variable, or terms that together span no range or one
+    /// that is not finite.
     #[error("METHOD {method} does not fit the terms: {reason}")]
     MethodDoesNotFit {
         /// The name of the METHOD.
@@ -127,15 +129,15 @@ pub enum FclErrorKind {
         /// The dual OR operator.
         dual: &'static str,
     },
-    /// More items than the maximum.
+    /// The text has more bytes, items or nested brackets than one of the [`Limits`](crate::Limits) allows.
     #[error("too many {what}: at most {max}")]
     TooMany {
-        /// The kind of items.
+        /// The kind of items, in the plural, for display.
         what: &'static str,
         /// The maximum number of items.
         max: usize,
     },
-    /// The text does not contain exactly one block.
+    /// The text does not contain exactly one function block: the number found.
     #[error("expected one function block, found {0}")]
     BlockCount(usize),
 }

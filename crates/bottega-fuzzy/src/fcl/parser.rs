@@ -15,7 +15,7 @@ use crate::{
 /// A parsed FCL text: its function blocks, and the positions of their parts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Document {
-    /// The function blocks, in order.
+    /// The function blocks, in the order of the text.
     pub blocks: Vec<FunctionBlock>,
     /// The positions of each block's parts.
     pub(crate) places: Vec<Places>,

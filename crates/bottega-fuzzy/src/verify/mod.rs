@@ -25,7 +25,8 @@ use crate::{
 const WORK_MAX: u64 = 20_000_000;
 
 impl Document {
-    /// Returns all warnings, in the order of the text.
+    /// Verifies all blocks. Returns the warnings, in the order of the text; none if nothing was found. The search has a
+    /// budget: if a block exceeds it, one of them is [`WarningKind::Unexamined`].
     pub fn verify(&self) -> Vec<Warning> {
         let mut work = WORK_MAX;
         let mut warnings = Vec::new();

@@ -7,7 +7,7 @@ use crate::Position;
 /// A warning: something allowed, but probably unintended.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Warning {
-    /// The line and column of the rule or term.
+    /// The line and column of the rule, term or variable, or of the block for [`WarningKind::Unexamined`].
     pub at: Position,
     /// The kind of warning.
     pub kind: WarningKind,
@@ -17,44 +17,73 @@ pub struct Warning {
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs, reason = "each is one sentence, below")]
 pub enum WarningKind {
+    /// Two rules of a rule block have the same label.
     LabelTwice {
+        /// The label that is used twice.
         label: String,
+        /// The name of the rule block.
         block: String,
     },
+    /// A term has degree 0 in the whole range of its variable.
     EmptySet {
+        /// The name of the variable.
         variable: String,
+        /// The name of the term.
         term: String,
+        /// `true`: the variable is an output, and the term has no area; `false`: it is an input.
         output: bool,
     },
+    /// No rule names the term, though rules name other terms of the variable.
     UnusedTerm {
+        /// The name of the variable.
         variable: String,
+        /// The name of the term.
         term: String,
     },
+    /// No rule has a condition on the input.
     UnusedInput(String),
+    /// No rule has a conclusion about the output.
     SilentOutput {
+        /// The name of the output.
         output: String,
+        /// The value that the output always has; `None`: it never has one.
         default: Option<f64>,
     },
+    /// The rule never has an effect.
     DeadRule {
+        /// The label of the rule.
         label: String,
+        /// The reason why it has no effect.
         reason: DeadReason,
     },
-    /// `first` fires whenever `second` does, or vice versa, and they conclude different terms.
+    /// One of two rules fires at least as strongly as the other for all input values, and they conclude different terms
+    /// for one output. `first` equals `second`: one rule concludes both.
     Contradiction {
+        /// The label of the rule that comes first in the text.
         first: String,
+        /// The label of the other rule.
         second: String,
+        /// The name of the output.
         output: String,
+        /// The terms that `first` and `second` conclude.
         terms: [String; 2],
+        /// `true`: both rules always fire equally strongly.
         same_condition: bool,
     },
-    /// `second` is redundant, because of `first`.
+    /// The rule `second` has the conclusions of `first` and is redundant: it never fires more strongly, or it has an
+    /// equivalent condition and counts twice.
     Repeated {
+        /// The label of the rule that is kept.
         first: String,
+        /// The label of the redundant rule.
         second: String,
+        /// `true`: with this accumulation, or in another rule block, the conclusion counts twice; `false`: `second`
+        /// changes nothing.
         counts_twice: bool,
     },
+    /// For some input values no rule concludes anything about an output that has no default.
     Hole(Hole),
-    /// The text exceeds the budget of verification.
+    /// The block is too large for the budget of verification: other warnings about it may be missing.
     Unexamined,
 }
 
@@ -72,9 +101,11 @@ pub enum DeadReason {
 pub struct Hole {
     /// The name of the output.
     pub output: String,
-    /// The relevant inputs, each with its least and greatest value in the box. Inputs not listed may have any value.
+    /// The relevant inputs, each with its least and greatest value in the box; infinite where the box has no end.
+    /// Inputs not listed may have any value in their ranges.
     pub sides: Vec<(String, f64, f64)>,
-    /// Number of empty cells outside the reported boxes; set on the last box only.
+    /// Number of further cells of the grid of input values in which no rule fires; 0 except in the last box that is
+    /// reported for the output.
     pub further_cells: u64,
 }
 
