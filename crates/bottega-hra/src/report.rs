@@ -23,7 +23,7 @@ pub struct HraReport {
     pub bin: BinReport,
     /// The resources, in the order of their ids.
     pub resources: Vec<ResourceReport>,
-    /// Incidents with resources, for the user.
+    /// The faults of resources, one entry per resource and kind; of more than 64 entries the oldest are dropped.
     pub incidents: Vec<Incident>,
     /// Numbers of units that expired before their answer was delivered, by cause.
     pub expiries: Expiries,
