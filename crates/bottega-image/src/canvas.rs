@@ -36,7 +36,7 @@ impl Canvas {
     /// Renders values in false colors.
     ///
     /// - `values`: `[height × width]`; panics if the length differs.
-    /// - `white`: the value of the brightest color; the darkest is at 0.
+    /// - `white`: the value of the brightest color, 1 if it is not positive; the darkest is at 0.
     pub fn heat_map(width: u32, height: u32, values: &[f32], white: f32, colors: ColorMap) -> Self {
         assert_eq!(values.len(), width as usize * height as usize, "values of a map of {width} × {height}");
         let scale = if white > 0.0 { 1.0 / white } else { 1.0 };

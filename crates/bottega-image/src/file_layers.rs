@@ -77,14 +77,14 @@ impl FileLayer {
         Ok(layers_of(&channels))
     }
 
-    /// Reads the layer from its file for display: at most three channels.
+    /// Reads the layer from its file for display: at most three channels; one of a [`LayerKind::Number`].
     ///
     /// - `name`: file name, for errors.
     /// - `bytes`: the whole file.
     ///
     /// # Errors
     ///
-    /// The file cannot be read, or has no such layer.
+    /// The file is damaged, has no color or no such layer, uses an unsupported feature, or exceeds [`ReadLimits::default`].
     pub fn read(&self, name: impl AsRef<Path>, bytes: &[u8]) -> Result<LayerPicture, ImageError> {
         let most = if self.kind == LayerKind::Number { 1 } else { 3 };
         let LayerPlanes { planes, size: [width, height] } = self.read_channels(name, bytes, most)?;
@@ -102,7 +102,7 @@ impl FileLayer {
     ///
     /// # Errors
     ///
-    /// The file cannot be read, or has no such layer.
+    /// As for [`Self::read`].
     pub fn read_planes(&self, name: impl AsRef<Path>, bytes: &[u8]) -> Result<LayerPlanes, ImageError> {
         self.read_channels(name, bytes, self.channels.len())
     }
