@@ -13,7 +13,7 @@ use crate::{
 /// The report of an allocator: its state at one moment, and its work so far.
 #[derive(Clone, Debug)]
 pub struct HraReport {
-    /// Time since the allocator was made.
+    /// Time since the allocator was made, or since the report that was subtracted.
     pub uptime: Duration,
     /// Number of units in the work bin.
     pub pending: usize,
@@ -29,7 +29,7 @@ pub struct HraReport {
     pub expiries: Expiries,
 }
 
-/// The report of one resource since the allocator was made.
+/// The report of one resource: its state at one moment, and its work so far.
 #[derive(Clone, Debug)]
 pub struct ResourceReport {
     /// The id of the resource.
@@ -103,7 +103,7 @@ impl HraReport {
         book
     }
 
-    /// Returns the difference from an earlier report of the same allocator; all times count from there.
+    /// Returns the work since an earlier report of the same allocator, with the current state; all times count from there.
     #[must_use]
     pub fn since(&self, before: &Self) -> Self {
         let start = Time::at(before.uptime);

@@ -60,7 +60,7 @@ pub struct Incident {
     pub resource: ResourceId,
     /// The kind of fault.
     pub fault: Fault,
-    /// Time of the first occurrence, since the allocator was made.
+    /// Time of the first occurrence; zero if it was before the start of the report.
     pub first: Time,
     /// Time of the last occurrence.
     pub last: Time,
