@@ -67,7 +67,7 @@ impl FileLayer {
     ///
     /// # Errors
     ///
-    /// The file is not a valid OpenEXR file.
+    /// The file is not a valid OpenEXR file, or uses an unsupported feature.
     pub fn all(name: impl AsRef<Path>, bytes: &[u8]) -> Result<Vec<Self>, ImageError> {
         if !bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
             return Ok(Vec::new());

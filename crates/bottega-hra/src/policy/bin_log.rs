@@ -18,8 +18,8 @@ pub struct BinReport {
     pub full: Duration,
     /// Time in which no unit waited: resources took everything at once, or had nothing to do.
     pub empty: Duration,
-    /// Time steps of equal length, in order; the last one may be incomplete, and so may the first one in a report of a part of
-    /// the time.
+    /// Time steps of equal length, in order; the last one may be incomplete, and so may the first one in a report of a
+    /// part of the time.
     pub steps: Vec<BinStep>,
 }
 

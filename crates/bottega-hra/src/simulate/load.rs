@@ -21,7 +21,8 @@ pub struct Arrival {
     pub data: Option<(DataId, u64)>,
     /// Priority; higher goes first.
     pub priority: i32,
-    /// Maximum time between submission and the start on a resource: see [`WorkUnit::max_delay`](crate::WorkUnit::max_delay).
+    /// Maximum time between submission and the start on a resource: see
+    /// [`WorkUnit::max_delay`](crate::WorkUnit::max_delay).
     pub max_delay: Duration,
     /// Life time, counted from submission. A unit not done by then expires: see
     /// [`WorkUnit::validity`](crate::WorkUnit::validity).
