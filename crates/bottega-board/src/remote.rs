@@ -104,7 +104,7 @@ struct SentPacket {
 }
 
 impl RemoteBoard {
-    /// Connects to a board, and measures latency and bandwidth of the connection. Blocks meanwhile.
+    /// Connects to a board, measures latency and bandwidth of the connection, and returns the board. Blocks meanwhile.
     ///
     /// - `build`: the build of this program; the board's must be the same.
     ///

@@ -173,7 +173,7 @@ fn matte_color([identity, coverage, _]: [f32; 3]) -> [u8; 3] {
 }
 
 impl LayerPicture {
-    /// Renders the layer for display: colors tone mapped, directions as colors, numbers in false colors,
+    /// Returns a picture of the layer for display: colors tone mapped, directions as colors, numbers in false colors,
     /// the first part of each pixel of a Cryptomatte in a color of its own.
     ///
     /// - `tone`: for colors that may exceed 1.
