@@ -117,7 +117,8 @@ impl GpuRays {
         outcome
     }
 
-    /// Measures the kernel alone, over at most [`GpuOptions::tile_rays`] rays that are on the device. Returns the rays per second.
+    /// Measures the kernel alone, over at most [`GpuOptions::tile_rays`] rays that are on the device. Returns the number of rays
+    /// per second.
     ///
     /// - `any`: `true` measures occlusion, `false` closest hits.
     /// - `passes`: the number of timed passes over the rays.
