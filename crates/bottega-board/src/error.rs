@@ -8,7 +8,7 @@ pub enum BoardError {
     /// The text is not an address of a board.
     #[error("`{0}` is not the address of a board: write tcp://HOST:PORT")]
     Address(String),
-    /// The board cannot be reached, or the connection broke.
+    /// No connection to the board can be made, or its host is unknown.
     #[error("the board {address} cannot be reached")]
     Unreachable {
         /// The address that was tried.
@@ -24,21 +24,21 @@ pub enum BoardError {
         /// The error of the operating system.
         source: io::Error,
     },
-    /// The connection broke, or a message is too large.
+    /// The connection broke, or a thread for it cannot be started.
     #[error("the connection broke")]
     Broken(#[from] io::Error),
-    /// The peer is not a board, or has another build, whose hits may differ in bits.
+    /// The board has another build, so that its hits may differ in bits.
     #[error("the board has another build: {theirs}, this is {ours}; install the same on both machines")]
     OtherBuild {
-        /// The peer's build.
+        /// The answer of the board, which names its build.
         theirs: String,
         /// The expected build.
         ours: String,
     },
-    /// A frame is invalid: too large, truncated, or with an index out of range.
+    /// A frame is invalid: not of this protocol and version, too large, truncated, or with an index out of range.
     #[error("an invalid frame: {0}")]
     Malformed(&'static str),
-    /// The board refused a request; its message.
+    /// The board refused a request, or cannot start its threads; with its message.
     #[error("the board refused: {0}")]
     Refused(String),
 }

@@ -74,7 +74,7 @@ pub struct RemoteBoard {
 struct BoardGreeting {
     /// Memory for scenes, in bytes.
     memory: u64,
-    /// Number of threads; 0: not reported.
+    /// Number of threads; 0: one per processor.
     threads: u64,
 }
 
@@ -104,7 +104,7 @@ struct SentPacket {
 }
 
 impl RemoteBoard {
-    /// Connects to a board, and measures latency and bandwidth of the connection. Blocks meanwhile.
+    /// Connects to a board, measures latency and bandwidth of the connection, and returns the board. Blocks meanwhile.
     ///
     /// - `build`: the build of this program; the board's must be the same.
     ///
@@ -126,7 +126,7 @@ impl RemoteBoard {
         self.link
     }
 
-    /// Returns the number of threads on which the board traces rays.
+    /// Returns the number of threads on which the board traces rays; 0: one per processor.
     pub fn threads(&self) -> u64 {
         self.greeting.threads
     }

@@ -31,7 +31,7 @@ const PROMPT: Duration = Duration::from_millis(1);
 /// The options of a board: its threads, limits and build.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoardOptions {
-    /// Number of threads that trace rays.
+    /// Number of threads that trace rays; 0: one per processor.
     pub threads: usize,
     /// Bandwidth limit per direction, in bytes per second; `None`: unlimited.
     pub bandwidth: Option<f64>,
@@ -67,10 +67,10 @@ impl BoardServer {
         Ok(self.listener.local_addr()?)
     }
 
-    /// Serves all clients; does not return.
+    /// Serves all clients. Returns only on an error.
     ///
     /// # Errors
-    /// The threads cannot be started.
+    /// The threads that trace rays cannot be started.
     pub fn serve(self) -> Result<(), BoardError> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(self.options.threads).build();
         let pool = std::sync::Arc::new(pool.map_err(|error| BoardError::Refused(error.to_string()))?);

@@ -46,11 +46,12 @@ impl EnginePreference {
 pub struct EngineDescription {
     /// The short name: `builtin`, `cycles`, …
     pub name: String,
-    /// True if the engine obeys [`Tunables::max_depth`].
+    /// True if the farm may choose [`Tunables::max_depth`]: the engine obeys it, and the depth of the picture is known.
     pub has_max_depth: bool,
     /// True if the engine obeys [`Tunables::light_samples`].
     pub has_light_samples: bool,
-    /// True if the engine can add samples to a tile later: earlier samples are kept, and the result is the same as in one pass.
+    /// True if the engine can add samples to a tile later: earlier samples are kept, and the result is as good as that of one
+    /// pass.
     pub resumes_samples: bool,
     /// True if a zone's first samples are worth rendering separately, to predict its time: not if starting a window is
     /// expensive.
@@ -64,7 +65,7 @@ pub struct EngineDescription {
 pub struct CancelSwitch(Arc<AtomicBool>);
 
 impl CancelSwitch {
-    /// Requests the task to end soon; its result then has fewer samples.
+    /// Requests the task to end soon; its result may then have fewer samples.
     pub fn cancel(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
@@ -136,9 +137,9 @@ impl ZoneTask {
 pub struct Painted {
     /// The running sums of all samples so far. After cancellation, the pixels may have different counts.
     pub tile: Tile,
-    /// Processor time, summed over processors.
+    /// Time spent on the task, summed over all processors and devices.
     pub busy: Duration,
-    /// True if `busy` measures only rendering: false if loading, compiling or starting was part of it.
+    /// True if `busy` measures only rendering: false if loading, compiling or starting may be part of it.
     pub is_warm: bool,
     /// The time per part: disjoint parts of the rectangle. Empty if the engine does not know.
     pub parts: Vec<(Rect, Duration)>,
@@ -159,7 +160,7 @@ pub enum EngineError {
         /// The cause, as reported by the engine.
         reason: String,
     },
-    /// The survey could not be rendered.
+    /// The survey could not be rendered, or the picture could not be prepared.
     #[error("engine `{engine}` could not survey the scene: {reason}")]
     Survey {
         /// The name of the engine.
@@ -169,7 +170,7 @@ pub enum EngineError {
     },
 }
 
-/// A callback for the result of a zone, called once, on a thread of the engine.
+/// A callback for the result of a zone, called once: on a thread of the engine, or on the one that drops the engine.
 pub type ZoneCallback = Box<dyn FnOnce(Result<Painted, EngineError>) + Send>;
 
 /// An engine that renders rectangles of one picture of one scene.
@@ -204,13 +205,14 @@ pub trait RenderEngine: Send + Sync {
         Ok(())
     }
 
-    /// Returns what [`prepare`](Self::prepare) has learned, for engines of other machines that render the same picture;
-    /// `None`: nothing yet, or nothing that can be shared.
+    /// Returns what [`prepare`](Self::prepare) has learned, in the engine's own format, for engines of other machines that
+    /// render the same picture; `None`: nothing yet, or nothing that can be shared.
     fn learnt(&self) -> Option<Vec<u8>> {
         None
     }
 
     /// Loads what another instance has [learned](Self::learnt) about the same picture, instead of learning it here.
+    /// Engines that cannot share it do nothing.
     ///
     /// # Errors
     /// The bytes have another format.
@@ -218,10 +220,11 @@ pub trait RenderEngine: Send + Sync {
         Ok(())
     }
 
-    /// Starts a zone and returns at once; `done` is called exactly once, on a thread of the engine.
+    /// Starts a zone and returns at once; `done` is called exactly once. If the engine is dropped first, the result is
+    /// incomplete.
     fn start(&self, task: ZoneTask, done: ZoneCallback);
 
-    /// Renders a zone. Blocks.
+    /// Renders a zone and returns its result. Blocks.
     ///
     /// # Errors
     /// The engine fails, or ends without a report.

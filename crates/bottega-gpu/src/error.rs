@@ -40,7 +40,8 @@ pub enum GpuError {
     /// The scene uses features that the GPU does not support.
     #[error("not for a GPU: {}", .0.join("; "))]
     Unsupported(Vec<String>),
-    /// A material is cut out by its alpha texture, which rays on the GPU do not evaluate, so hits may be wrong.
+    /// A material is not opaque, or a mesh consists of curves: rays on the GPU do not evaluate alpha, so hits would be wrong.
+    /// With the name of the material or mesh.
     #[error("material `{0}` is cut out by its alpha, which rays on the GPU do not support")]
     AlphaTested(String),
     /// An index of the scene is out of range.
@@ -49,7 +50,7 @@ pub enum GpuError {
     /// The device has no memory left for an array of a scene.
     #[error("the device has no memory for {wanted} bytes more")]
     OutOfMemory {
-        /// The size of the array, in bytes.
+        /// The size of the array, in bytes; 0: unknown.
         wanted: u64,
     },
     /// wgpu refused a command: because of a bug in this crate, or because the device's memory is full.

@@ -94,8 +94,8 @@ pub struct GpuScenes {
 }
 
 impl GpuScenes {
-    /// Adds a scene to those that the device can render. Compiles its kernels and renders one test pixel before it returns, so
-    /// that no work waits for the compiler.
+    /// Adds a scene to those that the device can render. Unless that is done, compiles the kernels that it needs and renders one
+    /// test pixel before it returns, so that no work waits for the compiler.
     ///
     /// # Errors
     /// The kernels cannot be compiled or run, the device is lost and cannot be opened again, or its thread has ended.
@@ -176,7 +176,7 @@ impl GpuPaths {
         self.scenes.clone()
     }
 
-    /// Returns the reason why the device does not render a block, as a clause; `None`: it does.
+    /// Returns the reason why the device does not render a block, as a clause; `None`: it does, if the scene was added to it.
     pub fn refuses(&self, block: &BlockWork) -> Option<String> {
         refusal(block)
     }

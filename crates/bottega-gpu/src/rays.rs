@@ -54,7 +54,8 @@ impl GpuRays {
     /// Puts the shapes of `scene` on a GPU. `Hit::instance` indexes [`Scene::instances`].
     ///
     /// # Errors
-    /// [`GpuError::AlphaTested`]: a material is cut out by a texture; or those of [`Self::from_geometry`].
+    /// [`GpuError::AlphaTested`]: a material is not opaque, or a mesh consists of curves, and [`GpuOptions::ignore_alpha`] is
+    /// `false`; or those of [`Self::from_geometry`].
     pub fn new(scene: &Scene, options: &GpuOptions) -> Result<Self, GpuError> {
         if let Some(material) = cut_out(scene).filter(|_| !options.ignore_alpha) {
             return Err(GpuError::AlphaTested(material));
@@ -93,10 +94,11 @@ impl GpuRays {
         (size_of_val(&*self.geometry.nodes) + size_of_val(&*self.geometry.shapes)) as u64
     }
 
-    /// Returns the closest hit of each ray, in the order of `rays`.
+    /// Returns the closest hit of each ray, in the order of `rays`; [`Hit::NONE`] for a ray that hits nothing.
     ///
     /// # Errors
-    /// The device is lost, does not answer in time, or refuses a command. The next call opens it again.
+    /// The device is lost, does not answer in time, refuses a command, or cannot be opened again after an error. The next call
+    /// opens it again.
     pub fn intersect(&mut self, rays: &[Ray]) -> Result<Vec<Hit>, GpuError> {
         let tile = self.tile_rays;
         let outcome = self.device()?.intersect(rays, tile);
@@ -107,7 +109,7 @@ impl GpuRays {
     /// Returns `true` for each ray that hits anything, in the order of `rays`.
     ///
     /// # Errors
-    /// The device is lost, does not answer in time, or refuses a command. The next call opens it again.
+    /// As for [`Self::intersect`].
     pub fn occluded(&mut self, rays: &[Ray]) -> Result<Vec<bool>, GpuError> {
         let tile = self.tile_rays;
         let outcome = self.device()?.occluded(rays, tile);
@@ -115,13 +117,14 @@ impl GpuRays {
         outcome
     }
 
-    /// Measures the kernel alone in rays per second, over at most [`GpuOptions::tile_rays`] rays that are on the device.
+    /// Measures the kernel alone, over at most [`GpuOptions::tile_rays`] rays that are on the device. Returns the number of rays
+    /// per second.
     ///
     /// - `any`: `true` measures occlusion, `false` closest hits.
     /// - `passes`: the number of timed passes over the rays.
     ///
     /// # Errors
-    /// The device is lost, does not answer in time, or refuses a command.
+    /// The device is lost, does not answer in time, refuses a command, or cannot be opened again after an error.
     pub fn rate(&mut self, rays: &[Ray], any: bool, passes: u32) -> Result<f64, GpuError> {
         let rays = &rays[..rays.len().min(self.tile_rays)];
         let time = self.device()?.time(rays, any, passes)?;

@@ -13,7 +13,7 @@ use crate::{
 /// The report of an allocator: its state at one moment, and its work so far.
 #[derive(Clone, Debug)]
 pub struct HraReport {
-    /// Time since the allocator was made.
+    /// Time since the allocator was made, or since the report that was subtracted.
     pub uptime: Duration,
     /// Number of units in the work bin.
     pub pending: usize,
@@ -23,13 +23,13 @@ pub struct HraReport {
     pub bin: BinReport,
     /// The resources, in the order of their ids.
     pub resources: Vec<ResourceReport>,
-    /// Incidents with resources, for the user.
+    /// The faults of resources, one entry per resource and kind; of more than 64 entries the oldest are dropped.
     pub incidents: Vec<Incident>,
     /// Numbers of units that expired before their answer was delivered, by cause.
     pub expiries: Expiries,
 }
 
-/// The report of one resource since the allocator was made.
+/// The report of one resource: its state at one moment, and its work so far.
 #[derive(Clone, Debug)]
 pub struct ResourceReport {
     /// The id of the resource.
@@ -103,7 +103,7 @@ impl HraReport {
         book
     }
 
-    /// Returns the difference from an earlier report of the same allocator; all times count from there.
+    /// Returns the work since an earlier report of the same allocator, with the current state; all times count from there.
     #[must_use]
     pub fn since(&self, before: &Self) -> Self {
         let start = Time::at(before.uptime);

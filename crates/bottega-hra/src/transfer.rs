@@ -24,7 +24,8 @@ pub struct PacketUse {
     pub largest: usize,
     /// Largest number of packets in flight at once since the allocator was made: the window. 1 for a near resource.
     pub window: usize,
-    /// Round trip of a packet that does not wait, as last measured; `None`: not measured, or the resource is near.
+    /// Minimum round trip of a packet that does not wait, measured again every 30 s; `None`: not measured, or the resource
+    /// is near.
     pub round_trip: Option<Duration>,
 }
 
@@ -61,9 +62,10 @@ pub struct CableUse {
     pub sent_bytes: u64,
     /// Bytes of answers.
     pub received_bytes: u64,
-    /// Last measured bandwidth to the resource, in bytes per second; `None` unless it is known to limit.
+    /// Bandwidth to the resource, in bytes per second: that of the link's description, corrected by measurements; `None`
+    /// unless it is known to limit.
     pub bandwidth_there: Option<f64>,
-    /// Last measured bandwidth from the resource, in bytes per second; `None` unless it is known to limit.
+    /// Bandwidth from the resource, likewise.
     pub bandwidth_back: Option<f64>,
     /// Number of packets answered.
     pub packets: u64,

@@ -93,7 +93,9 @@ pub struct Completed<O> {
     pub ticket: u64,
     /// The output, or the error.
     pub output: Result<O, UnitError>,
-    /// Time of the last attempt on its resource; the mean of several units if each takes less than about a microsecond.
+    /// Time of the last attempt on its resource: the mean of several units if each takes less than about a microsecond.
+    /// For a far resource the unit's share, by size, of the packet's time, or of the time until its answer if the
+    /// resource measured none.
     pub busy: Duration,
     /// Time between submission and the start of the last attempt.
     pub waited: Duration,

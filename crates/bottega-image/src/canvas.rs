@@ -25,7 +25,7 @@ impl Canvas {
         Self { width, height, pixels: vec![color; width as usize * height as usize] }
     }
 
-    /// Renders a picture as a display shows it, without dithering.
+    /// Returns a picture as a display shows it, without dithering.
     ///
     /// - `exposure_stops`: exposure in stops; positive: brighter.
     pub fn of_picture(picture: &Picture, exposure_stops: f32, tone: ToneMap) -> Self {
@@ -33,17 +33,17 @@ impl Canvas {
         Self { width: picture.width, height: picture.height, pixels }
     }
 
-    /// Renders values in false colors.
+    /// Returns a picture of values in false colors.
     ///
     /// - `values`: `[height × width]`; panics if the length differs.
-    /// - `white`: the value of the brightest color; the darkest is at 0.
+    /// - `white`: the value of the brightest color, 1 if it is not positive; the darkest is at 0.
     pub fn heat_map(width: u32, height: u32, values: &[f32], white: f32, colors: ColorMap) -> Self {
         assert_eq!(values.len(), width as usize * height as usize, "values of a map of {width} × {height}");
         let scale = if white > 0.0 { 1.0 / white } else { 1.0 };
         Self { width, height, pixels: values.iter().map(|value| colors.color(value * scale)).collect() }
     }
 
-    /// Renders values in shades of gray, from black at 0 to white at 1.
+    /// Returns a picture of values in shades of gray, from black at 0 to white at 1.
     ///
     /// - `values`: `[height × width]`; panics if the length differs.
     pub fn gray_map(width: u32, height: u32, values: &[f32]) -> Self {

@@ -23,10 +23,10 @@ pub enum ImageError {
         /// The error of the operating system.
         source: std::io::Error,
     },
-    /// The path is unsuitable for a picture; found before rendering.
+    /// The path is unsuitable for a picture, which is found before rendering; or the file format cannot hold the picture.
     #[error("cannot write `{}`: {reason}", printable_path(.path))]
     NotWritable {
-        /// The unsuitable path.
+        /// The path of the file.
         path: PathBuf,
         /// The reason, and what to do.
         reason: String,

@@ -140,7 +140,7 @@ pub fn write_exr(
 /// Writes the RGB of a picture to `path`, atomically.
 ///
 /// # Errors
-/// The file cannot be written.
+/// The picture has no pixels, or the file cannot be written.
 pub fn write_picture_exr(
     path: impl AsRef<Path>,
     picture: &Picture,

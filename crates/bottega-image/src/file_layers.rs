@@ -67,7 +67,7 @@ impl FileLayer {
     ///
     /// # Errors
     ///
-    /// The file is not a valid OpenEXR file.
+    /// The file is not a valid OpenEXR file, or uses an unsupported feature.
     pub fn all(name: impl AsRef<Path>, bytes: &[u8]) -> Result<Vec<Self>, ImageError> {
         if !bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
             return Ok(Vec::new());
@@ -77,14 +77,14 @@ impl FileLayer {
         Ok(layers_of(&channels))
     }
 
-    /// Reads the layer from its file for display: at most three channels.
+    /// Reads the layer from its file for display: at most three channels; one of a [`LayerKind::Number`].
     ///
     /// - `name`: file name, for errors.
     /// - `bytes`: the whole file.
     ///
     /// # Errors
     ///
-    /// The file cannot be read, or has no such layer.
+    /// The file is damaged, has no color or no such layer, uses an unsupported feature, or exceeds [`ReadLimits::default`].
     pub fn read(&self, name: impl AsRef<Path>, bytes: &[u8]) -> Result<LayerPicture, ImageError> {
         let most = if self.kind == LayerKind::Number { 1 } else { 3 };
         let LayerPlanes { planes, size: [width, height] } = self.read_channels(name, bytes, most)?;
@@ -102,7 +102,7 @@ impl FileLayer {
     ///
     /// # Errors
     ///
-    /// The file cannot be read, or has no such layer.
+    /// As for [`Self::read`].
     pub fn read_planes(&self, name: impl AsRef<Path>, bytes: &[u8]) -> Result<LayerPlanes, ImageError> {
         self.read_channels(name, bytes, self.channels.len())
     }
@@ -173,7 +173,7 @@ fn matte_color([identity, coverage, _]: [f32; 3]) -> [u8; 3] {
 }
 
 impl LayerPicture {
-    /// Renders the layer for display: colors tone mapped, directions as colors, numbers in false colors,
+    /// Returns a picture of the layer for display: colors tone mapped, directions as colors, numbers in false colors,
     /// the first part of each pixel of a Cryptomatte in a color of its own.
     ///
     /// - `tone`: for colors that may exceed 1.

@@ -133,7 +133,7 @@ impl Film {
 
     /// Returns the mean of an AOV at pixel (x, y); 0 if nothing was added, the AOV is not kept, or it lacks that
     /// component. For [`Aov::SampleCount`], the weighted mean over the tiles; for a Cryptomatte, identity and coverage of
-    /// the first rank.
+    /// the first rank, and identity of the second.
     pub fn aov(&self, aov: Aov, x: u32, y: u32) -> [f32; 3] {
         let mut value = [0.0; 3];
         if let Some(offset) = self.layout.offset(aov) {
@@ -167,7 +167,8 @@ impl Film {
     ///
     /// # Errors
     ///
-    /// The film has no room for another layer, or `kept` is not a valid name of a layer.
+    /// The film has no room for another layer, or `kept` is not a valid name of a layer, or names a kept AOV with such
+    /// channels.
     ///
     /// # Panics
     ///

@@ -26,7 +26,7 @@ pub struct Layer {
     pub name: String,
     /// Names of the layer's channels, in their order within a pixel.
     pub channels: Vec<String>,
-    /// Combination of several values.
+    /// The way to combine the values of several passes or zones.
     pub combine: Combine,
 }
 
@@ -58,10 +58,10 @@ pub enum LayersError {
         /// Maximal number of them.
         most: usize,
     },
-    /// A name cannot be stored in a file.
+    /// A name cannot be stored in a file, or a layer has no channels.
     #[error("{name:?} is not a valid channel name: 1 to {CHANNEL_NAME_BYTES_MAX} bytes without control characters are")]
     Name {
-        /// The invalid name.
+        /// The invalid name, or the name of the layer without channels.
         name: String,
     },
     /// Two channels have the same name.

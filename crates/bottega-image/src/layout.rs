@@ -38,7 +38,8 @@ impl Layout {
     ///
     /// # Errors
     ///
-    /// There are too many layers or channels, a name that a file cannot hold, or two channels of the same name.
+    /// There are too many layers or channels, a name that a file cannot hold, a layer without channels, or two channels of
+    /// the same name.
     pub fn with_layers(aovs: AovSet, layers: Vec<Layer>) -> Result<Self, LayersError> {
         let plain = Self::new(aovs);
         if layers.is_empty() {

@@ -76,7 +76,7 @@ pub fn check_writable(path: impl AsRef<Path>) -> Result<OutputFormat, ImageError
 /// followed; FIFOs and devices are written to.
 ///
 /// # Errors
-/// The file cannot be written; then the old file is unchanged.
+/// The file cannot be written; a regular file is then unchanged.
 pub fn write_whole(path: impl AsRef<Path>, bytes: &[u8]) -> Result<(), ImageError> {
     write_whole_with(path, |out| out.write_all(bytes))
 }
@@ -84,7 +84,7 @@ pub fn write_whole(path: impl AsRef<Path>, bytes: &[u8]) -> Result<(), ImageErro
 /// Writes a file like [`write_whole`], with a function that writes the bytes piece by piece.
 ///
 /// # Errors
-/// The file cannot be written, or `write` fails; then the old file is unchanged.
+/// The file cannot be written, or `write` fails; a regular file is then unchanged.
 pub fn write_whole_with(
     path: impl AsRef<Path>,
     write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,

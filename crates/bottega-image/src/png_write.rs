@@ -72,7 +72,7 @@ fn encode_row(film: &Film, row: u32, options: &PngOptions, out: &mut Vec<u8>) {
 /// Writes rows of 8-bit sRGB, `[height × width × 3]`, to `path`, atomically. Panics if the length differs.
 ///
 /// # Errors
-/// The file cannot be written.
+/// The picture has no pixels, or the file cannot be written.
 pub fn write_png_rgb8(path: impl AsRef<Path>, width: u32, height: u32, rgb: &[u8]) -> Result<(), ImageError> {
     let row_bytes = 3 * width as usize;
     assert_eq!(rgb.len(), row_bytes * height as usize, "bytes of a picture of {width} × {height}");

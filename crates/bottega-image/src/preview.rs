@@ -31,7 +31,7 @@ impl Preview {
     /// Fills the preview from coarse cells, interpolating between their centers.
     ///
     /// - `coarse`: radiance, in cells that cover the pixels of `picture` evenly. Without cells, nothing changes.
-    /// - `picture`: the pixels that the cells cover.
+    /// - `picture`: the pixels that the cells cover; those of the preview are among them.
     pub fn show_coarse(&self, coarse: &Picture, picture: Rect) {
         if coarse.data.is_empty() {
             return;

@@ -20,7 +20,7 @@ pub fn printable(text: &str) -> Cow<'_, str> {
     escaped(text, acts)
 }
 
-/// Escapes a text of several lines like [`printable`], but keeps newlines and tabs.
+/// Returns a text of several lines, escaped like [`printable`], but with its newlines and tabs.
 pub fn printable_lines(text: &str) -> Cow<'_, str> {
     escaped(text, |c| acts(c) && c != '\n' && c != '\t')
 }

@@ -22,7 +22,8 @@ use crate::{
 /// else X, Y and Z, or the gray of Y or of the only channel. Accepts what [`ReadLimits::default`] allows.
 ///
 /// # Errors
-/// The file cannot be read, is not such a picture, is damaged, or exceeds the limits.
+/// The file cannot be read, is not such a picture, is damaged, uses an unsupported feature, has no color or no pixels, or
+/// exceeds the limits.
 pub fn read_picture(path: impl AsRef<Path>) -> Result<Picture, ImageError> {
     read_image(path, ReadLimits::default()).map(|file| file.picture)
 }

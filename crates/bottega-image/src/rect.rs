@@ -128,8 +128,8 @@ impl Rect {
         (r.y0..r.y1).flat_map(move |y| (r.x0..r.x1).map(move |x| (x, y)))
     }
 
-    /// Splits the rectangle into blocks of at most `side` × `side` pixels, aligned to multiples of `side`, row by
-    /// row. Panics if `side` is 0.
+    /// Returns the rectangle's blocks of at most `side` × `side` pixels, aligned to multiples of `side`, row by row.
+    /// Panics if `side` is 0.
     pub fn blocks(&self, side: u32) -> impl Iterator<Item = Self> + use<> {
         assert!(side > 0);
         let r = *self;

@@ -41,7 +41,7 @@ impl Svg {
     }
 }
 
-/// Escapes a text for an element or attribute. Control characters become spaces.
+/// Returns a text escaped for an element or attribute. Control characters become spaces.
 pub fn svg_text(text: &str) -> String {
     let mut out = String::new();
     for character in text.chars() {

@@ -37,7 +37,7 @@ impl ToneMap {
 }
 
 impl Encoding {
-    /// Encodes a linear value; both in [0, 1].
+    /// Encodes a linear value in [0, 1]. Returns a value in [0, 1].
     pub fn encode(self, linear: f32) -> f32 {
         match self {
             Self::Srgb => srgb_from_linear(linear),

@@ -51,7 +51,8 @@ impl WholeHeader {
     /// - `bytes`: the whole file.
     ///
     /// # Errors
-    /// The bytes are not such a picture, are damaged, or exceed the limits.
+    /// The bytes are not such a picture, are damaged, use an unsupported feature, have no color or no pixels, or exceed the
+    /// limits.
     pub fn read(name: impl AsRef<Path>, bytes: &[u8], limits: ReadLimits) -> Result<Self, ImageError> {
         let source = PictureSource::new(name.as_ref(), limits);
         if is_exr(bytes) {
@@ -89,7 +90,7 @@ impl WholeHeader {
 /// - `white_point`: treatment of a white point other than D65.
 ///
 /// # Errors
-/// The bytes are not such a picture, are damaged, or exceed the limits.
+/// As for [`WholeHeader::read`].
 pub fn read_whole(
     name: impl AsRef<Path>,
     bytes: &[u8],

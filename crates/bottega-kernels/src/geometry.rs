@@ -116,7 +116,7 @@ pub enum BuildError {
         /// Reason for the refusal, as a clause.
         problem: &'static str,
     },
-    /// A refit has other geometry than the build, or flattens an instance to nothing.
+    /// A refit has other counts or triangles than the build or flattens an instance, or the structure has moving parts.
     #[error("meshes, instances or spheres differ from those of the build: build again instead of refitting")]
     Changed,
     /// There are more elements than indices can number.

@@ -239,12 +239,12 @@ pub struct SphereKeyGeometry {
 /// The moving parts of a scene. Parts that are not named here stand still.
 #[derive(Clone, Debug, Default)]
 pub struct MotionGeometry<'a> {
-    /// Moving instances: index and transformation, ascending by the index. The
-    /// transformations given with the other instances are ignored for them.
+    /// Moving instances: index and transformation, ascending by the index. It takes the place of the instance's
+    /// [`world_from_object`](InstanceGeometry::world_from_object).
     pub instances: Vec<(u32, MovingTransform)>,
-    /// Meshes with moving vertices: index and keys, ascending by the index; the times ascend, too.
+    /// Meshes with moving vertices: index and two keys at least, ascending by the index; the times ascend, too.
     pub meshes: Vec<(u32, Vec<MeshKeyGeometry<'a>>)>,
-    /// Moving spheres: index and keys, ascending by the index; the times ascend, too.
+    /// Moving spheres: index and two keys at least, ascending by the index; the times ascend, too.
     pub spheres: Vec<(u32, Vec<SphereKeyGeometry>)>,
 }
 

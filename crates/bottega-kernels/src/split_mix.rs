@@ -34,7 +34,7 @@ impl SplitMix64 {
     }
 }
 
-/// Mixes 64 bits by a bijection: the finalizer of SplitMix64.
+/// Returns 64 bits mixed by a bijection: the finalizer of SplitMix64.
 #[inline(always)]
 pub const fn mix64(mut x: u64) -> u64 {
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -17,7 +17,7 @@ pub struct RunHead {
     pub commit: String,
     /// The build of the measured program.
     pub build: String,
-    /// The command line of this process, preceded by the environment variables that this project reads.
+    /// The command line of this process, preceded by the environment variables `BOTTEGA_…`; secrets in addresses are left out.
     pub command: String,
     /// The number of processors that this process may use, and their name.
     pub processors: String,

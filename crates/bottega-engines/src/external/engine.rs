@@ -50,16 +50,18 @@ pub struct ExternalOptions {
     pub samples: u64,
     /// The values kept per pixel.
     pub layout: Layout,
-    /// The scene's own depth: for this depth the engine gets no setting, and uses the scene's.
+    /// The depth that stands for that of the scene file: a zone with this depth gets no depth setting, and the engine uses
+    /// that of the file. `None`: every zone gets its depth, and the farm may choose it.
     pub scene_depth: Option<u32>,
-    /// The scene's own light samples, used in the same way.
+    /// The number of light samples that stands for that of the scene file, likewise. `None`: every zone gets its number.
     pub scene_light_samples: Option<u32>,
-    /// True: limits the number of zones, so that windows cost little compared to their samples; false if the user sets the
-    /// number.
+    /// `true`: the number of zones is limited so that the fixed cost of a render window stays small compared to its samples;
+    /// `false`: the user sets the number.
     pub bounds_zones: bool,
     /// The time limit of the picture, if any. Then zones are always profiled, to know their times in advance.
     pub time: Option<Duration>,
-    /// A function that renders the survey instead of the engine, if the scene can be read here.
+    /// A function that renders the survey in place of the engine; `None`: Bottega cannot read the scene, and the engine
+    /// renders it.
     pub surveyor: Option<Surveyor>,
 }
 
@@ -162,12 +164,14 @@ impl ExternalEngine {
         let _ = self.shared.watcher.set(Box::new(watcher));
     }
 
-    /// Passes the text of each failure to `watcher`, on a thread of the engine. Only the first call has an effect.
+    /// Passes the text of each failure to `watcher`, on a thread of the engine; cancellation is not a failure. Only the
+    /// first call has an effect.
     pub fn watch_faults(&self, watcher: impl Fn(&str) + Send + Sync + 'static) {
         let _ = self.shared.fault_watcher.set(Box::new(watcher));
     }
 
-    /// Returns [`EngineFault::Quarantined`], with the reason, if the engine is quarantined; `None`: it is not.
+    /// Returns [`EngineFault::Quarantined`], with the last failure, if this engine has failed three times in a row; `None`:
+    /// it has not. Quarantines that earlier processes stored do not count.
     pub fn quarantine(&self) -> Option<EngineFault> {
         self.shared.quarantine()
     }

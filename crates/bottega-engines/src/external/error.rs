@@ -29,7 +29,7 @@ pub enum EngineFault {
         /// Instructions to install it.
         install: String,
     },
-    /// A script of its manifest is missing.
+    /// A script of its manifest is missing or cannot be copied.
     #[error("cannot install a file of its manifest: `{}`", .path.display())]
     Files {
         /// The path of the file.
@@ -40,10 +40,10 @@ pub enum EngineFault {
     /// The scratch folder could not be created.
     #[error("there is no folder for its temporary files")]
     Scratch(#[source] io::Error),
-    /// The engine could not be started.
+    /// The engine, or a thread for it, could not be started.
     #[error("`{program}` cannot be started")]
     Start {
-        /// The program, as on the command line.
+        /// The program, as on the command line; or `a thread`.
         program: String,
         /// The error of the system.
         source: io::Error,
@@ -69,7 +69,7 @@ pub enum EngineFault {
     TimeOut {
         /// The limit in seconds.
         seconds: f64,
-        /// The missing answer.
+        /// The missing answer, for display.
         what: &'static str,
         /// The end of the worker's log.
         log: String,
@@ -79,7 +79,7 @@ pub enum EngineFault {
     Flood {
         /// The limit in KiB.
         kib: u64,
-        /// The output with the limit.
+        /// The output with the limit, for display.
         what: &'static str,
     },
     /// The engine exceeded its memory limit.
@@ -119,10 +119,10 @@ pub enum EngineFault {
         /// The window that was requested.
         window: Rect,
     },
-    /// The engine's picture holds non-finite values.
+    /// More than 1 % of the pixels of the engine's picture have non-finite values.
     #[error("{count} values of its picture are not finite numbers")]
     NotFinite {
-        /// The number of non-finite values.
+        /// The number of such pixels in the window.
         count: usize,
     },
     /// A layer that it announced is missing.

@@ -33,13 +33,13 @@ struct IdleSession {
     since: Instant,
 }
 
-/// Lets workers wait for another picture of their scene until it is dropped. It is held by those who render one picture after
-/// another: animations, and machines of a farm.
+/// A guard: while it exists, workers wait up to 30 s for another picture of their scene. It is held by those who render one
+/// picture after another: animations, and machines of a farm.
 #[derive(Debug)]
 pub struct KeptEngines(());
 
 impl KeptEngines {
-    /// Lets workers wait from now on, until the returned value is dropped.
+    /// Returns a guard: workers wait from now on, until the last guard is dropped.
     pub fn begin() -> Self {
         idle().keepers += 1;
         Self(())
@@ -99,7 +99,7 @@ impl Session {
     /// because two scenes may not fit in memory.
     ///
     /// # Errors
-    /// The engine is quarantined, does not start, or refuses the scene.
+    /// A new worker is needed, and [`Session::open`] fails.
     pub fn open_again(engine: &Arc<LocatedEngine>, request: &SceneRequest) -> Result<Self, EngineFault> {
         let (identity, mut found) = (engine.identity(), None);
         for waiting in taken(|_| true) {

@@ -170,7 +170,8 @@ pub(super) fn run(
     }
 }
 
-/// Returns the manifest's install instructions for this system as a clause, such as `to install it: …`.
+/// Returns the manifest's install instructions for this system as a clause, such as `to install it: …`; if there are none,
+/// `see its home page`.
 pub fn install_hint(manifest: &Manifest) -> String {
     let system = std::fs::read_to_string("/etc/os-release").unwrap_or_default();
     let value = |key: &str| {

@@ -75,24 +75,24 @@ pub enum Importance {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SearchStep {
-    /// The environment variable that names the program.
+    /// The environment variable with the path of the program, which is tried first; `None`: there is none.
     pub variable: Option<String>,
-    /// Programs to look for, in this order.
+    /// Programs to look for in `PATH`, or their absolute paths, in this order.
     pub programs: Vec<String>,
     /// The command that prints the version, and fails if the engine is not installed.
     pub check: Vec<Argument>,
     /// The pattern for the version in the output of `check`: group 1.
     pub version: Pattern,
-    /// The command that starts the worker.
+    /// The command that starts the worker (`kind = "worker"`).
     #[serde(default)]
     pub command: Vec<Argument>,
-    /// Environment variables set in the child.
+    /// The values of environment variables to set in the child, by their names.
     #[serde(default)]
     pub environment: BTreeMap<String, String>,
-    /// Environment variables that the child inherits, where set.
+    /// Names of further environment variables that the child inherits, where set.
     #[serde(default)]
     pub inherit: Vec<String>,
-    /// Environment variables that list files and folders which it may write in addition to its scratch folder.
+    /// Names of environment variables that list files and folders which the child may write in addition to its scratch folder.
     #[serde(default)]
     pub writes: Vec<String>,
 }
@@ -180,7 +180,7 @@ pub struct Pixels {
     pub filter: Option<String>,
 }
 
-/// The overhead of rendering, apart from samples; it determines the least size of zones.
+/// The overhead of rendering, apart from samples. Zones of engines with expensive windows are not profiled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Cost {
@@ -200,7 +200,7 @@ pub struct Limits {
     pub start_seconds: f64,
     /// Seconds until the scene is open.
     pub open_seconds: f64,
-    /// Seconds without output while the worker renders.
+    /// Seconds without output while the engine renders.
     pub silence_seconds: f64,
     /// Seconds per window.
     pub zone_seconds: f64,
@@ -208,7 +208,7 @@ pub struct Limits {
     pub memory_mib: u64,
     /// Size of the engine's log, in KiB.
     pub log_kib: u64,
-    /// Size of a file that the worker writes, in MiB.
+    /// Size of a file that the engine writes, in MiB.
     pub output_mib: u64,
 }
 
@@ -239,7 +239,7 @@ pub struct Invocation {
     pub run: Vec<Argument>,
     /// The name of the output file in the scratch folder.
     pub output: String,
-    /// The command that prints width and height of the scene; empty: unknown.
+    /// The command that prints width and height of the scene; empty: there is none, and 1280 × 720 pixels are assumed.
     #[serde(default)]
     pub size: Vec<Argument>,
 }
@@ -298,7 +298,7 @@ pub struct Manifest {
     /// The supported versions.
     #[serde(default)]
     pub versions: Versions,
-    /// Install instructions, by operating system; `any` is required.
+    /// Install instructions, by operating system or Linux distribution (its `ID`); `any` is required.
     pub install: BTreeMap<String, String>,
     /// The supported scene files.
     pub scene: SceneFiles,
@@ -323,7 +323,7 @@ pub struct Manifest {
     /// The animation features of the engine.
     #[serde(default)]
     pub animation: Animation,
-    /// Parameters passed to a worker unchanged.
+    /// Parameters passed to a worker, by their names; the user may change their values.
     #[serde(default)]
     pub parameters: BTreeMap<String, serde_json::Value>,
 }
@@ -342,12 +342,12 @@ pub struct ManifestError {
     pub column: usize,
     /// The byte range of the text that is wrong.
     pub span: std::ops::Range<usize>,
-    /// The whole text of the manifest.
+    /// The whole text of the manifest; empty if it is too large or cannot be read.
     pub text: String,
 }
 
 impl Manifest {
-    /// Parses a manifest.
+    /// Parses a manifest and checks it.
     ///
     /// - `path`: the path for errors; its file stem must be the name of the engine.
     ///

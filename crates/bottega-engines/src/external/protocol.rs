@@ -66,10 +66,10 @@ pub struct Opened {
     pub width: u32,
     /// The height of the frame in pixels.
     pub height: u32,
-    /// The first frame of the scene's animation.
+    /// The first frame of the scene's animation; `None`: the worker reports none.
     #[serde(default)]
     pub first_frame: Option<i32>,
-    /// The last frame of the scene's animation.
+    /// The last frame of the scene's animation; `None`: the worker reports none.
     #[serde(default)]
     pub last_frame: Option<i32>,
     /// True if the scene has a camera, or was given one. Without one nothing can be rendered.
@@ -125,7 +125,7 @@ pub struct OpenedLayer {
     pub name: String,
     /// The names of the layer's channels; in the file they are prefixed with the layer's name and a period.
     pub channels: Vec<String>,
-    /// The combination of several passes.
+    /// The way to combine the values of several passes.
     #[serde(default)]
     pub combine: CombineWord,
     /// True if the layer has the same meaning as the built-in engine's layer of this name.
@@ -133,7 +133,7 @@ pub struct OpenedLayer {
     pub shared: bool,
 }
 
-/// The combination of several passes of a layer, as the worker names it.
+/// The way to combine the values of several passes in a layer, as the worker names it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CombineWord {

@@ -34,7 +34,8 @@ impl Session {
     /// Starts an engine and opens a scene.
     ///
     /// # Errors
-    /// The engine is quarantined, does not start, or refuses the scene.
+    /// The engine is quarantined, does not start, refuses the scene, exceeds a limit of its manifest, ends by itself, or
+    /// violates the protocol; or its temporary folder or files cannot be written.
     pub fn open(engine: &Arc<LocatedEngine>, request: &SceneRequest) -> Result<Self, EngineFault> {
         quarantine::check(engine)?;
         match engine.manifest().kind {
@@ -53,7 +54,7 @@ impl Session {
     /// Opens the scene again with another request, for example in another size.
     ///
     /// # Errors
-    /// The engine refuses the request; or those of [`Session::open`], if it must be started again.
+    /// As for [`Session::open`]; a quarantine only counts if the engine must be started again.
     pub fn reopen(&mut self, engine: &Arc<LocatedEngine>, request: &SceneRequest) -> Result<(), EngineFault> {
         match &mut self.driver {
             // A worker can only read the files of the scene for which it was started.
@@ -114,7 +115,8 @@ impl Probe {
     /// Starts a worker without a scene and stops it again. Returns the time that the start took.
     ///
     /// # Errors
-    /// The worker does not start, or violates the protocol.
+    /// The worker does not start, reports a failure, exceeds a limit of its manifest, ends by itself, or violates the
+    /// protocol; or its temporary folder or files cannot be written.
     pub fn start(engine: &Arc<LocatedEngine>) -> Result<Self, EngineFault> {
         let begun = std::time::Instant::now();
         WorkerSession::start(engine, Vec::new())?;

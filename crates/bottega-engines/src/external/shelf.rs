@@ -28,13 +28,13 @@ pub struct ShelfEntry {
 #[derive(Clone, Debug, Default)]
 pub struct Shelf {
     entries: BTreeMap<String, ShelfEntry>,
-    /// Manifests that could not be read. They are only reported if their engine is used.
+    /// The errors of manifests that cannot be read or are invalid. They are only reported if their engine is used.
     pub broken: Vec<ManifestError>,
 }
 
 impl Shelf {
     /// Loads the built-in manifests, and all `*.toml` in the given folders that exist. The field `broken` then has the
-    /// errors of those that cannot be read.
+    /// errors of those that cannot be read or are invalid.
     pub fn open(folders: &[PathBuf]) -> Self {
         let mut shelf = Self::default();
         for (name, text) in shipped::MANIFESTS {
@@ -90,13 +90,13 @@ impl Shelf {
 }
 
 impl ShelfEntry {
-    /// Parses a manifest that is not in a folder of manifests.
+    /// Parses a manifest that is not in a folder of manifests. Its scripts and rules are sought beside it.
     ///
     /// - `path`: the path of the manifest; its file stem must be the name of the engine.
     /// - `text`: the content of the manifest.
     ///
     /// # Errors
-    /// The text is invalid: with line and column.
+    /// The text is larger than 1 MiB, or invalid: with line and column.
     pub fn from_file(path: &Path, text: &str) -> Result<Self, ManifestError> {
         let manifest = Arc::new(Manifest::parse(path, text)?);
         let folder = path.parent().unwrap_or(Path::new(".")).to_owned();

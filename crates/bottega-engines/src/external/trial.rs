@@ -25,7 +25,7 @@ impl EngineTrial {
     /// Starts the engine with the scene, in the size of the request, which must be given.
     ///
     /// # Errors
-    /// The engine is quarantined, does not start, or refuses the scene.
+    /// As for [`Session::open`]; or a thread cannot be started.
     pub fn begin(located: &Arc<LocatedEngine>, request: &SceneRequest, seed: u64) -> Result<Self, EngineFault> {
         let session = Session::open(located, request)?;
         let (width, height) = request.size.unwrap_or_default();
@@ -51,7 +51,7 @@ impl EngineTrial {
     /// - `samples`: samples per pixel.
     ///
     /// # Errors
-    /// The engine fails.
+    /// The engine fails in one of the windows; the others are not rendered.
     pub fn paint(&self, windows: &[Rect], samples: u32) -> Result<(Film, Duration), EngineError> {
         let mut film = Film::new(self.frame, Layout::new(AovSet::NONE));
         let begun = Instant::now();

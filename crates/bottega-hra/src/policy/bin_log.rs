@@ -14,11 +14,12 @@ const STEP_MIN: Duration = Duration::from_millis(1);
 pub struct BinReport {
     /// Mean number of waiting units over time.
     pub mean_waiting: f64,
-    /// Time in which the bin was full, and submitters waited.
+    /// Time in which the bin was full, so that submitters had to wait.
     pub full: Duration,
     /// Time in which no unit waited: resources took everything at once, or had nothing to do.
     pub empty: Duration,
-    /// Time steps of equal length, in order; the last one may be incomplete.
+    /// Time steps of equal length, in order; the last one may be incomplete, and so may the first one in a report of a
+    /// part of the time.
     pub steps: Vec<BinStep>,
 }
 
@@ -29,7 +30,7 @@ pub struct BinStep {
     pub from: Time,
     /// The end of the step.
     pub to: Time,
-    /// Mean number of waiting units.
+    /// Mean number of waiting units in the step; of the whole step if the report begins within it.
     pub waiting: f64,
     /// Capacity at the end of the step.
     pub capacity: usize,

@@ -47,7 +47,7 @@ pub enum CostBookError {
         /// The expected version.
         wanted: String,
     },
-    /// A number is invalid.
+    /// A number is invalid, or there is no such primitive.
     #[error("the cost of `{primitive}` on `{resource}` is not one")]
     Cost {
         /// The name of the resource.
@@ -86,7 +86,8 @@ impl CostBook {
     /// - `version`: the version under which the costs must have been learned.
     ///
     /// # Errors
-    /// The text is too long, is not such JSON, has another format or version, or has an invalid cost.
+    /// The text is longer than 1 MiB, is not such JSON, has another format or version, an invalid cost, or an unknown
+    /// primitive.
     pub fn from_json(text: &str, version: &str) -> Result<Self, CostBookError> {
         if text.len() > TEXT_MAX {
             return Err(CostBookError::TooLong(text.len()));

@@ -9,9 +9,9 @@ pub struct Expiries {
     pub waiting: u64,
     /// Number of units finished, or given back, after the end of their life time.
     pub late: u64,
-    /// Time of the first expiry.
+    /// Time of the first expiry; zero if there is none, or it was before the start of the report.
     pub first: Time,
-    /// Time of the last expiry.
+    /// Time of the last expiry; zero if there is none.
     pub last: Time,
 }
 

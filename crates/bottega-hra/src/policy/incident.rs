@@ -14,7 +14,7 @@ const KEPT_MAX: usize = 64;
 pub enum Fault {
     /// The resource gave work back.
     Refused,
-    /// The resource panicked, or its link broke, during work.
+    /// The resource panicked, its link broke, or it dropped a packet without an answer.
     Died,
     /// The answer of the resource was invalid.
     Garbage,
@@ -26,7 +26,7 @@ pub enum Fault {
     OutOfMemory,
     /// The resource failed to recover.
     NotRecovered,
-    /// The resource was given up and is not used again.
+    /// The resource was given up after too many failures, or could not be started; it is not used again.
     Retired,
 }
 
@@ -60,7 +60,7 @@ pub struct Incident {
     pub resource: ResourceId,
     /// The kind of fault.
     pub fault: Fault,
-    /// Time of the first occurrence, since the allocator was made.
+    /// Time of the first occurrence; zero if it was before the start of the report.
     pub first: Time,
     /// Time of the last occurrence.
     pub last: Time,

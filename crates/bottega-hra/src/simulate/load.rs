@@ -7,7 +7,7 @@ use crate::{DataId, Primitive, Time};
 /// A unit to submit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arrival {
-    /// The time; it enters the bin then, or when there is room.
+    /// Time of arrival. The unit is submitted then, or later when the bin has room.
     pub at: Time,
     /// The primitive requested.
     pub primitive: Primitive,
@@ -21,9 +21,11 @@ pub struct Arrival {
     pub data: Option<(DataId, u64)>,
     /// Priority; higher goes first.
     pub priority: i32,
-    /// Maximum delay until a resource begins the unit.
+    /// Maximum time between submission and the start on a resource: see
+    /// [`WorkUnit::max_delay`](crate::WorkUnit::max_delay).
     pub max_delay: Duration,
-    /// Life time of the unit: its answer is not delivered later.
+    /// Life time, counted from submission. A unit not done by then expires: see
+    /// [`WorkUnit::validity`](crate::WorkUnit::validity).
     pub validity: Duration,
 }
 

@@ -23,24 +23,24 @@ pub struct AnsweredUnit {
     pub outcome: Option<Result<(), UnitError>>,
     /// Time of the answer.
     pub at: Time,
-    /// Time of submission.
+    /// Time of submission; zero if the unit was cancelled before.
     pub submitted: Time,
     /// Waiting time in the bin before it was first given to a resource, if it was.
     pub waited: Option<Duration>,
-    /// The resource that handled the unit.
+    /// The resource whose attempt led to the answer; `None`: the unit was answered or cancelled while it waited.
     pub resource: Option<ResourceId>,
 }
 
 /// The outcome of a simulation.
 #[derive(Clone, Debug)]
 pub struct DayOutcome {
-    /// One per unit, in the order of the load. `None`: lost, a violation.
+    /// The answers, one per unit, in the order of the load. `None`: the unit was lost, a violation.
     pub answers: Vec<Option<AnsweredUnit>>,
     /// Number of units answered more than once, a violation.
     pub doubled: usize,
     /// True if a resource had to hold more than its memory, a violation.
     pub overfull: bool,
-    /// Time of the last answer.
+    /// Time of the last answer or cancellation.
     pub end: Time,
     /// Maximum number of units waiting in the bin.
     pub waiting_max: usize,
@@ -60,7 +60,7 @@ impl DayOutcome {
     }
 }
 
-/// Runs a load until every unit is answered. Equal arguments give equal outcomes.
+/// Runs a load until every unit is answered, and returns the outcome. Equal arguments give equal outcomes.
 ///
 /// - `models`: the resources of the allocator.
 /// - `costs`: the costs that are known at the start.

@@ -38,8 +38,8 @@ impl Moments {
     }
 }
 
-/// Returns the share of values that differ significantly: a two-sided z-test on each, with the Šidák correction for n
-/// tests, α₁ = 1 − (1 − α)^(1/n). Mitsuba's tests accept a share of 0.0025 at α = 0.01.
+/// Returns the share of values that differ significantly; 0 without values. A two-sided z-test on each, with the Šidák
+/// correction for n tests, α₁ = 1 − (1 − α)^(1/n). Mitsuba's tests accept a share of 0.0025 at α = 0.01.
 ///
 /// - `significance`: α, in (0, 1).
 ///

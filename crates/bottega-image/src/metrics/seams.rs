@@ -29,7 +29,8 @@ impl Seams {
     }
 }
 
-/// Compares the steps across the edges of zones with steps a few pixels beside them, in the same rows.
+/// Compares the steps across the edges of zones with steps a few pixels beside them, in the same rows. Returns the
+/// visibility of the edges.
 ///
 /// - `reference`: the same picture without noise, if available. Subtracting it removes the scene's own edges and
 ///   reveals smaller seams.

@@ -16,7 +16,7 @@ pub struct BusyClock {
 
 impl BusyClock {
     /// Returns the mean number of processors kept busy since the last call by programs other than this one and its descendants; 0
-    /// on the first call.
+    /// on the first call, or if the system does not report it.
     pub fn others(&mut self) -> f32 {
         let Some(now) = busy_ticks() else { return 0.0 };
         let before = self.before.replace((now, Instant::now()));

@@ -11,7 +11,7 @@ pub struct BusyClock {
 
 impl BusyClock {
     /// Returns the mean number of processors kept busy since the last call by programs other than this one and its descendants; 0
-    /// on the first call.
+    /// on the first call, or if the system does not report it.
     pub fn others(&mut self) -> f32 {
         let is_first = self.system.is_none();
         let Some(mut system) = self.system.take().or_else(|| System::new().ok()) else { return 0.0 };

@@ -77,7 +77,8 @@ pub(super) fn makes_users() -> bool {
     guards().namespaces == Some(AS_USER)
 }
 
-/// Returns true if engines have no access to the network on this machine: on Linux, if it allows namespaces.
+/// Returns true if engines have no access to the network on this machine: on Linux, if `unshare` is installed and may create
+/// namespaces.
 pub fn is_shut_in() -> bool {
     guards().namespaces.is_some()
 }

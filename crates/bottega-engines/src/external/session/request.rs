@@ -15,17 +15,17 @@ use crate::CancelSwitch;
 pub struct SceneRequest {
     /// The path of the scene file.
     pub scene: PathBuf,
-    /// The size of the picture; `None`: that of the scene.
+    /// Width and height of the picture in pixels; `None`: those of the scene.
     pub size: Option<(u32, u32)>,
-    /// The frame of an animation.
+    /// The frame of an animation; `None`: the one that the scene file selects.
     pub frame: Option<i32>,
     /// The number of threads of the engine.
     pub threads: usize,
-    /// The camera of a scene without one.
+    /// The camera for a scene without one; `None`: that of the scene, if it has one.
     pub view: Option<CameraView>,
     /// True if scripts in the scene may run.
     pub trust: bool,
-    /// Further parameters for the engine, from its manifest and from the user.
+    /// Further parameters for the engine by their names, from its manifest and from the user.
     pub parameters: BTreeMap<String, serde_json::Value>,
     /// Files and folders that the engine may read in addition to the folder of the scene; `/`: everything that this process
     /// may read.
