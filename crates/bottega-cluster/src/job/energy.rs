@@ -42,7 +42,7 @@ pub struct Tariff {
 /// The energy that a machine has used for a job. Unknown values are left out.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct MachineEnergy {
-    /// The name of the process.
+    /// The name of the process on that machine.
     pub machine: String,
     /// Processor time in seconds.
     pub processor_seconds: f64,
@@ -165,7 +165,7 @@ fn zones(machines: &[MachineEnergy], rows: &[Event], cost: &impl Fn(f64) -> Opti
 }
 
 impl JobBoard {
-    /// Returns the energy settings of the farm; empty ones if none are set.
+    /// Returns the energy settings of the farm; empty ones if none are set or they cannot be read.
     pub fn tariff(&self) -> Tariff {
         self.read_notice(TARIFF).unwrap_or_default()
     }
@@ -173,15 +173,16 @@ impl JobBoard {
     /// Sets the price of energy, and the power of machines that neither measure nor declare their own.
     ///
     /// # Errors
-    /// The farm does not answer.
+    /// The farm does not store them.
     pub fn set_tariff(&self, tariff: &Tariff) -> Result<(), Error> {
         self.put_notice(TARIFF, tariff)
     }
 
-    /// Computes the energy use of a job so far.
+    /// Computes the energy use of a job so far, from the usage that its leader has published; without machines and zones if it
+    /// has published none.
     ///
     /// # Errors
-    /// The farm does not answer.
+    /// The farm does not return the rows of the job.
     pub fn energy(&self, number: u32, job: &Job, tariff: &Tariff) -> Result<JobEnergy, Error> {
         let usages = self.society(number).unwrap_or_default().usages;
         if usages.is_empty() {
