@@ -38,7 +38,8 @@ impl Error {
         bottega::Error::usage(problem, remedy).into()
     }
 
-    /// Returns a failure: an operation was tried and failed. Both texts are for the user: the problem, and the advice to solve it.
+    /// Returns a failure: an operation was tried and failed. Both texts are for the user: the problem, and the advice to solve
+    /// it.
     pub fn failed(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         bottega::Error::failed(problem, remedy).into()
     }

@@ -78,8 +78,8 @@ impl SentFiles {
     /// map is a file of the scene, or there is none.
     ///
     /// # Errors
-    /// The farm does not answer, the list of files is invalid, a file is not on the farm or has another digest, or the cache cannot
-    /// be written.
+    /// The farm does not answer, the list of files is invalid, a file is not on the farm or has another digest, or the cache
+    /// cannot be written.
     pub fn fetch(&self, cache: &Cache, store: &NatsBlobs) -> Result<(PathBuf, Option<PathBuf>), Error> {
         if self.files.is_empty() || self.files.len() > FILES_MAX {
             return Err(Error::failed(
