@@ -132,8 +132,8 @@ impl JobBoard {
     /// - `digest`: the BLAKE3 hash of the piece, 64 hexadecimal digits.
     ///
     /// # Errors
-    /// The piece is larger than [`PIECE_BYTES`] or does not match its digest, the farm does not answer or cannot store it, or this
-    /// machine is a guest.
+    /// The piece is larger than [`PIECE_BYTES`] or does not match its digest, the farm does not answer or cannot store it, or
+    /// this machine is a guest.
     pub fn put_piece(&self, digest: &str, bytes: &[u8]) -> Result<(), Error> {
         self.refuse_guests()?;
         if !is_hash(digest) || bytes.len() > CHUNK_BYTES || hash_of(bytes) != digest {
@@ -156,8 +156,8 @@ impl JobBoard {
     /// - `cache`: where the scene is assembled, to check that it can be rendered.
     ///
     /// # Errors
-    /// The request or a name is invalid, a file was not uploaded, the scene cannot be rendered, this machine is a guest, the cache
-    /// cannot be written, or the farm does not answer or has no room.
+    /// The request or a name is invalid, a file was not uploaded, the scene cannot be rendered, this machine is a guest, the
+    /// cache cannot be written, or the farm does not answer or has no room.
     pub fn submit_uploaded(
         &self,
         submission: Submission,

@@ -195,8 +195,8 @@ impl JobBoard {
         now.iter().any(|(name, revision)| before.get(name) != Some(revision))
     }
 
-    /// Returns the scenes that are being sent, each with the name of the sending process; also those of processes that were killed
-    /// while they sent.
+    /// Returns the scenes that are being sent, each with the name of the sending process; also those of processes that were
+    /// killed while they sent.
     pub fn transfers(&self) -> Vec<(String, Announcement)> {
         let announcements = self.uplink.notices().all("transfer/").into_iter();
         let transfers = announcements.filter_map(|notice| {
