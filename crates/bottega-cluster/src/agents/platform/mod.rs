@@ -135,7 +135,7 @@ impl FarmPlatform {
         &self.node
     }
 
-    /// Returns the identifier of the jobs agent, which controls the farm's jobs by FIPA messages.
+    /// Returns the identifier of the jobs agent, which describes the farm's jobs and changes them on request.
     pub fn jobs(&self) -> &AgentId {
         &self.jobs
     }
