@@ -79,8 +79,8 @@ pub struct MachineStatus {
     pub state: &'static str,
     /// The state that the machine was ordered to take.
     pub ordered: &'static str,
-    /// `busy`: working for its job; `waiting`: without a job, or without work in it at present; `viewing`: rendering samples for a
-    /// viewport.
+    /// `busy`: working for its job; `waiting`: without a job, or without work in it at present; `viewing`: rendering samples for
+    /// a viewport.
     pub activity: &'static str,
     /// Number of CPU threads.
     pub threads: usize,
@@ -260,7 +260,8 @@ pub trait ShownFarm: Send + Sync + 'static {
     /// Registers a file that a client is about to upload. Returns the missing pieces.
     ///
     /// # Errors
-    /// The offer is inconsistent or too large, there is no room, this machine is a guest of the farm, or the source is not a farm.
+    /// The offer is inconsistent or too large, there is no room, this machine is a guest of the farm, or the source is not a
+    /// farm.
     fn offer(&self, offer: &UploadOffer) -> Result<UploadState, Problem>;
 
     /// Stores a piece of a file.

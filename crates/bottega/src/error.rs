@@ -169,7 +169,7 @@ pub struct Excerpt {
 impl Error {
     /// Makes a usage error: the request must be changed to succeed.
     ///
-    /// - `problem`: what is wrong, for the user.
+    /// - `problem`: the problem in one sentence, for the user.
     /// - `remedy`: advice for the user.
     pub fn usage(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Usage { problem: problem.into(), remedy: remedy.into() }

@@ -54,7 +54,7 @@ impl Picture {
         &self.metadata
     }
 
-    /// Returns the report of the job: rows of all zones, times, messages.
+    /// Returns the report of the job: rows of all zones, times, number of messages.
     pub fn report(&self) -> &JobReport {
         &self.report
     }

@@ -49,10 +49,12 @@ pub struct DeviceSet {
 }
 
 impl DeviceSet {
-    /// Opens the devices that support this scene and these layers.
+    /// Opens the devices that support this scene and these layers, or takes those that an earlier picture has left open. Returns
+    /// them.
     ///
     /// - `choice`: the devices that the request names.
-    /// - `camera`: that of the picture.
+    /// - `wish`: threads, memory and sharing of the devices.
+    /// - `camera`: the camera of the picture.
     /// - `layout`: the layers of the picture.
     /// - `photons`: true if the integrator uses photons.
     ///

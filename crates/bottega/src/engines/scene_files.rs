@@ -14,7 +14,7 @@ use crate::{agent_rules::RuleTexts, error::Error, loaded_scene::LoadedScene, met
 /// The files of a scene, the engine that renders it, and the rules of its agents.
 #[derive(Clone, Debug, Default)]
 pub struct SceneFiles {
-    /// Files that the scene refers to.
+    /// Files that the scene refers to, without the scene file itself.
     pub files: Vec<SceneFile>,
     /// Identity of the external engine that all machines must have; `None`: the built-in engine.
     pub engine: Option<String>,

@@ -229,10 +229,12 @@ impl Session {
         self.name.as_deref()
     }
 
-    /// Renders the picture and writes it to the output of the request, if any.
+    /// Renders the picture and writes it to the output of the request, if any. Returns the picture; a partial one if `stop` ended
+    /// the rendering.
     ///
     /// # Errors
-    /// The job failed, zones failed, or the picture cannot be written. The journal beside the output keeps the finished zones.
+    /// The viewer tev does not answer, the job failed, zones failed, or the picture cannot be denoised or written. The journal
+    /// beside the output keeps the finished zones.
     pub fn render(mut self, watcher: Arc<dyn Watcher>, stop: &StopSwitch) -> Result<Picture, Error> {
         // Read the times that earlier jobs have learned
         let reporter = Arc::new(Reporter::new(watcher));
