@@ -104,8 +104,8 @@ impl Session {
         Ok(Self { submitted: part.submitted.clone(), ..session })
     }
 
-    /// Returns the values with which this machine renders zones of another process's job: its observer does nothing, and it has no
-    /// store.
+    /// Returns the values with which this machine renders zones of another process's job: with an observer that does nothing,
+    /// and without a store.
     pub fn setup(&self) -> PaintingSetup {
         let (settings, engine) = (measured(self.settings.clone()), self.painter.engine());
         PaintingSetup { settings, engine, observer: Arc::new(()), store: None, kept: None }
