@@ -95,8 +95,8 @@ pub fn here(request: &Request, report: &mut JobReport, metadata: &mut Metadata) 
     Ok(())
 }
 
-/// Returns a warning if a picture completed by another machine should be denoised and is not; `None`: it is denoised, or need not
-/// be.
+/// Returns a warning if a picture completed by another machine should be denoised and is not, or cannot be read; `None`: it is
+/// denoised, or need not be.
 ///
 /// - `output`: file name of the picture; its extension gives the format.
 /// - `picture`: the file's bytes.

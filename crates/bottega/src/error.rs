@@ -30,7 +30,7 @@ pub enum Error {
     /// The scene cannot be read or is invalid.
     #[error("cannot use the scene")]
     Scene(#[from] SceneError),
-    /// An image file cannot be read or written.
+    /// A picture or image file cannot be read, written or used.
     #[error("cannot use the picture")]
     Image(#[from] ImageError),
     /// The acceleration structures of the scene cannot be built, or the settings are invalid.

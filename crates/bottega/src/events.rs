@@ -142,7 +142,7 @@ pub enum Event {
     },
     /// Two engines have rendered the picture together.
     Mixed {
-        /// The number of zones that each engine rendered.
+        /// The share of each engine, as its number of passes over zones.
         engines: Vec<EngineShare>,
         /// Visibility of zone edges: by how many standard deviations the differences at edges exceed those elsewhere.
         seams_z: f64,

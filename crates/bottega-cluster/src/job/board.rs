@@ -48,7 +48,7 @@ pub struct Lead {
     /// The number of the painting that the progress is about, as in [`Job::work`].
     #[serde(default)]
     pub work: u64,
-    /// Predicted share of the total cost that is done, in 0..=1.
+    /// Share of the predicted cost of the picture that is done, in 0..=1.
     pub done: f64,
     /// Number of zones painted.
     pub zones_done: usize,

@@ -20,7 +20,7 @@ pub struct JobView {
     pub state: &'static str,
     /// The reason of a failure; none: it has not failed.
     pub reason: Option<String>,
-    /// Predicted share of the total cost that is done, in 0..=1.
+    /// Share of the predicted cost of the picture that is done, in 0..=1.
     pub done: f64,
     /// Number of zones painted.
     pub zones_done: usize,

@@ -156,8 +156,8 @@ impl WantedDevices {
     }
 }
 
-/// Returns the number of CPU threads that render together with `gpus` GPUs. On machines with many processors one per GPU stays
-/// free to feed it, which is worth more than its own rendering.
+/// Returns the number of CPU threads that render together with `gpus` GPUs. From 8 processors on, one per GPU stays free to feed
+/// it, which is worth more than its own rendering, but at least 4 render.
 ///
 /// - `processors`: number of CPU threads without GPUs.
 pub fn beside_gpus(processors: usize, gpus: usize) -> usize {

@@ -49,7 +49,7 @@ pub fn level(level: u8) -> Level {
     Level::ALL[usize::from(level).min(Level::ALL.len() - 1)]
 }
 
-/// Converts the options of a request to the limits on zones: size, complexity, similarity.
+/// Returns the limits on zones of a request: smallest side, largest complexity, similarity and balance.
 pub fn zone_limits(work: &WorkOptions) -> ZoneLimits {
     ZoneLimits {
         side_min: work.zone_min_size,
