@@ -15,8 +15,8 @@ use crate::{devices::threads, error::Error, events::Event, request::Request, ses
 /// Name of the metadata entry that names the denoiser of a picture.
 pub const KEY: &str = "denoised";
 
-/// Loads the denoiser if the request asks for one. Called before rendering, so that a missing library is found early. `None`: the
-/// request asks for none.
+/// Loads and returns the denoiser if the request asks for one. Called before rendering, so that a missing library is found early.
+/// `None`: the request asks for none.
 ///
 /// # Errors
 /// Open Image Denoise is not installed, or too old.

@@ -35,7 +35,7 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// Compares a picture with a reference, both in linear light.
+    /// Compares a picture with a reference, both in linear light. Returns their difference.
     ///
     /// # Errors
     /// The pictures differ in size.

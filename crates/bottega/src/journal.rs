@@ -34,7 +34,8 @@ pub fn is_journal_of(path: &Path, name: &str) -> bool {
 }
 
 impl PictureJournal {
-    /// Opens the journal beside the output of a request; `None`: the request has no output file, or the picture no name.
+    /// Opens and returns the journal beside the output of a request; `None`: the request has no output file, or the picture no
+    /// name.
     ///
     /// - `name`: a text with everything that determines the pixels; see [`Session::name`](crate::Session::name).
     ///

@@ -46,7 +46,7 @@ pub struct LoadedScene {
 }
 
 impl LoadedScene {
-    /// Reads and prepares the scene file of a request.
+    /// Reads and prepares the scene file of a request. Returns the prepared scene.
     ///
     /// # Errors
     /// The scene cannot be read or prepared, has no such camera, the lens or pose of the request does not suit the camera, or the
@@ -55,7 +55,7 @@ impl LoadedScene {
         Self::of(load(request)?, request)
     }
 
-    /// Prepares a scene in memory, with the camera, size and environment of a request.
+    /// Prepares a scene in memory, with the camera, size and environment of a request. Returns the prepared scene.
     ///
     /// # Errors
     /// The scene is invalid, cannot be prepared, or has no camera or not the requested one; the lens or pose of the request does

@@ -21,7 +21,7 @@ pub struct Method {
 }
 
 impl Method {
-    /// Chooses the method of a request for a scene.
+    /// Chooses the method of a request for a scene, and returns it.
     ///
     /// - `bounces`: maximum number of bounces of light.
     pub fn of(request: &Request, subject: &LoadedScene, bounces: u32) -> Self {

@@ -169,7 +169,7 @@ impl Viewport {
     /// than they are shown are left out; a state is never shown in part. Returns the number of the new look. An error in
     /// preparing it comes from [`Self::copy_linear`].
     ///
-    /// - `request`: may differ in view, size, crop and samples.
+    /// - `request`: may differ from the request of the opening in view, size, crop and samples alone.
     ///
     /// # Errors
     /// The request is invalid.

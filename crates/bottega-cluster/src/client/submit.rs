@@ -96,7 +96,7 @@ pub fn render(
 }
 
 impl FarmPicture {
-    /// Loads the scene of a request on this machine, and checks the request.
+    /// Loads the scene of a request on this machine, and checks the request. Returns the picture, to be rendered.
     ///
     /// # Errors
     /// The request cannot be rendered.
@@ -110,7 +110,7 @@ impl FarmPicture {
         self.session.settings().crop
     }
 
-    /// Renders the picture; see [`render`].
+    /// Renders the picture, and returns its outcome; see [`render`].
     ///
     /// # Errors
     /// Those of [`render`].

@@ -95,7 +95,7 @@ pub struct JobEnergy {
 }
 
 impl JobEnergy {
-    /// Computes the energy use of a job.
+    /// Returns the energy use of a job, by machine and by zone.
     ///
     /// - `usages`: the usage that each process reports, by its name.
     /// - `rows`: the Blackboard rows of the job.
@@ -178,8 +178,8 @@ impl JobBoard {
         self.put_notice(TARIFF, tariff)
     }
 
-    /// Computes the energy use of a job so far, from the usage that its leader has published; without machines and zones if it
-    /// has published none.
+    /// Returns the energy use of a job so far, from the usage that its leader has published; without machines and zones if it has
+    /// published none.
     ///
     /// # Errors
     /// The farm does not return the rows of the job.

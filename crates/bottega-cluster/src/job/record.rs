@@ -26,7 +26,7 @@ pub enum JobState {
     Paused,
     /// The picture is complete.
     Done,
-    /// The job cannot be rendered.
+    /// The job cannot be rendered, or some of its zones cannot.
     Failed {
         /// The cause, for display.
         reason: String,
@@ -53,7 +53,7 @@ impl JobState {
     }
 }
 
-/// The position of a job in an animation: which frame it renders.
+/// The position of a job in an animation: the frame that it renders.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct AnimationFrame {
     /// The identifier of the animation: the same for all its frames, and for no other job.

@@ -46,7 +46,7 @@ use crate::{
 pub enum WorkerMessage<'a> {
     /// A line about its current action.
     Line(&'a str),
-    /// The reason why it refuses a job.
+    /// The reason why it refuses a job, or does not help a viewport.
     Failure(&'a Error),
 }
 

@@ -204,8 +204,8 @@ const PAGE: &str = "page ";
 const PLATFORM: &str = "platform ";
 
 impl LocalAddresses {
-    /// Reads the addresses from the file of this user; `None`: this user runs no `bottega up` on this machine, or the file cannot
-    /// be read.
+    /// Reads the addresses from the file of this user, and returns them; `None`: this user runs no `bottega up` on this machine,
+    /// or the file cannot be read.
     pub fn read() -> Option<Self> {
         fs::read_to_string(address_file()).ok().map(|text| Self::of_text(&text))
     }

@@ -98,7 +98,7 @@ pub(crate) struct EnrolmentAnswer {
     pub(crate) refused: Option<String>,
 }
 
-/// Connects to the given farm, or else to the one that `bottega up` runs on this machine.
+/// Connects to the given farm, or else to the one that `bottega up` runs on this machine. Returns the connection.
 ///
 /// # Errors
 /// This machine has no saved farm, no server answers, the farm does not admit this machine, or the credentials cannot be read or
@@ -107,7 +107,7 @@ pub fn link(farm: Option<&FarmAddress>, credentials: &Credentials) -> Result<Far
     link_as(farm, credentials, None)
 }
 
-/// Connects to a farm as a machine of the given name.
+/// Connects to a farm as a machine of the given name. Returns the connection.
 ///
 /// - `farm`: the address; `None`: the farm that `bottega up` runs on this machine.
 /// - `name`: the machine's name at the farm: letters, digits and hyphens; letters of its key are appended. `None`: its name

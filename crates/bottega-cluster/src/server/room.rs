@@ -255,7 +255,7 @@ impl Pulse {
     }
 }
 
-/// Formats a number of bytes for display, such as `3.4 MB`.
+/// Returns a number of bytes as text for display, such as `3.4 MB`.
 pub fn bytes_said(bytes: u64) -> String {
     let bytes = bytes as f64;
     match bytes {

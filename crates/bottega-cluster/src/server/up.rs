@@ -124,7 +124,8 @@ impl LocalFarm {
 }
 
 impl FarmStart {
-    /// Starts the farm, with a NATS server as a child process. It is not announced before [`Host::announce`].
+    /// Starts the farm, with a NATS server as a child process, or adopts the server that an earlier process left running. Returns
+    /// the host of the farm, which is not announced before [`Host::announce`].
     ///
     /// # Errors
     /// There is no `nats-server`, it does not start, the folder or address cannot be used, or the farm's secrets are damaged.

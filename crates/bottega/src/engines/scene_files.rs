@@ -37,8 +37,8 @@ impl SceneFiles {
         Self { files: subject.files.clone(), engine: None, rules, warnings, method: Some(method) }
     }
 
-    /// Asks the external engine of a request for the files that its scene refers to. Files that are missing, or that the scene
-    /// may not use, are left out with a warning.
+    /// Asks the external engine of a request for the files that its scene refers to, and returns them. Files that are missing, or
+    /// that the scene may not use, are left out with a warning.
     ///
     /// - `rules`: the texts of the agents' rules.
     ///

@@ -57,7 +57,7 @@ impl Session {
         Self::examine_scene(request)
     }
 
-    /// Checks a request like [`Self::examine`], but not its output, which another machine writes.
+    /// Checks a request like [`Self::examine`], but not its output, which another machine writes. Returns the files that they need.
     ///
     /// # Errors
     /// The request, its scene or its rules cannot be used, or its engine is not installed or cannot list the files that the scene

@@ -44,7 +44,7 @@ pub fn agents(requested: Option<u16>, threads: usize) -> usize {
     requested.map_or(threads.div_ceil(2), usize::from)
 }
 
-/// Returns the level of division into zones; numbers above the highest level give that.
+/// Returns the level of division into zones with this number; for a number above all levels, the highest one.
 pub fn level(level: u8) -> Level {
     Level::ALL[usize::from(level).min(Level::ALL.len() - 1)]
 }

@@ -38,7 +38,7 @@ pub struct OwnerConditions {
     pub max_load: Option<f32>,
 }
 
-/// The reason why a machine is suspended.
+/// The reason why a machine is suspended by its owner's conditions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum OwnerReason {
     /// A user is at the machine.
