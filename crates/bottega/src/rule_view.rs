@@ -173,8 +173,8 @@ impl RuleSetView {
 }
 
 impl RuleVerdict {
-    /// Evaluates a rule set for a zone, and returns its verdict. `None`: optimization is off, or the zone's neighbor difference is
-    /// unknown.
+    /// Evaluates a rule set for a zone, and returns its verdict. `None`: optimization is off, or the zone's neighbor difference
+    /// is unknown.
     ///
     /// # Errors
     /// The text is not a valid rule set, or the rules cannot be evaluated.

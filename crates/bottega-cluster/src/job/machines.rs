@@ -1,6 +1,7 @@
 //! The machines of a farm: which are present, and commands to them.
 //!
-//! - `order/NAME`: the command to a machine, which obeys and shows its state in its presence (see [`worker`](crate::machine::worker)).
+//! - `order/NAME`: the command to a machine, which obeys and shows its state in its presence: see
+//!   [`worker`](crate::machine::worker).
 
 use std::{
     collections::BTreeMap,

@@ -57,7 +57,8 @@ impl Session {
         Self::examine_scene(request)
     }
 
-    /// Checks a request like [`Self::examine`], but not its output, which another machine writes. Returns the files that they need.
+    /// Checks a request like [`Self::examine`], but not its output, which another machine writes. Returns the files that the
+    /// machines need.
     ///
     /// # Errors
     /// The request, its scene or its rules cannot be used, or its engine is not installed or cannot list the files that the scene
