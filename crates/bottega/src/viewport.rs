@@ -167,7 +167,7 @@ impl Viewport {
 
     /// Shows another state of the scene, of which only what has changed is prepared again. States that follow each other faster
     /// than they are shown are left out; a state is never shown in part. Returns the number of the new look. An error in
-    /// preparing it comes from [`Self::copy_linear`].
+    /// preparing it comes from [`Self::frame`] or [`Self::copy_linear`].
     ///
     /// - `request`: may differ from the request of the opening in view, size, crop and samples alone.
     ///

@@ -217,8 +217,8 @@ impl JobBoard {
         self.uplink.blobs().get(&learnt_blob(work), LEARNT_BYTES_MAX).map_err(Error::Blob)
     }
 
-    /// Shares the data that an engine has learnt of a picture with the engines of other machines. Failures only cost time, so they
-    /// are only logged.
+    /// Shares the data that an engine has learnt of a picture with the engines of other machines. Failures only cost time, so
+    /// they are only logged.
     pub(crate) fn teach(&self, work: u64, bytes: &[u8]) {
         let name = learnt_blob(work);
         let is_stored = self.uplink.blobs().has(&name);
