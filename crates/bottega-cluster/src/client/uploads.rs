@@ -86,7 +86,7 @@ pub struct Submission {
     /// The digests of uploads, by the names that the request and its scene use: relative, with `/` between folders.
     #[serde(default)]
     pub files: BTreeMap<String, String>,
-    /// The number of a job whose files are used, in place of `files`.
+    /// The number of a job whose files are used, in place of `files`; `null`: the files are those of `files`.
     #[serde(default)]
     pub files_of_job: Option<u32>,
 }

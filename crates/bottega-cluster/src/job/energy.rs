@@ -52,7 +52,8 @@ pub struct MachineEnergy {
     /// The cost of that energy, in the currency of the job.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cost: Option<f64>,
-    /// The source of the energy value: the processors' `counters`, or a declared number of `watts`.
+    /// The source of the energy value: the processors' `counters`, or a declared number of `watts`; missing if the energy is
+    /// unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub source: Option<EnergySource>,
 }
@@ -64,7 +65,7 @@ pub struct ZoneEnergy {
     pub id: u32,
     /// Energy in kWh.
     pub kwh: f64,
-    /// The cost of that energy, in the currency of the job.
+    /// The cost of that energy, in the currency of the job; missing if the farm has no price of energy.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cost: Option<f64>,
 }
@@ -74,16 +75,16 @@ pub struct ZoneEnergy {
 pub struct JobEnergy {
     /// Processor time of all machines, in seconds.
     pub processor_seconds: f64,
-    /// Energy in kWh of the machines for which it is known.
+    /// Energy in kWh of the machines for which it is known; missing if it is known for none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kwh: Option<f64>,
-    /// The cost of that energy.
+    /// The cost of that energy; missing if the energy or its price is unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cost: Option<f64>,
-    /// The currency of all costs.
+    /// The currency of all costs; missing if the farm has no price of energy.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub currency: Option<String>,
-    /// The price per kWh.
+    /// The price per kWh; missing if the farm has none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub price_per_kwh: Option<f64>,
     /// `true`: the energy of some machines is unknown, so `kwh` is too low.

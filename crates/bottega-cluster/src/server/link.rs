@@ -35,7 +35,7 @@ const PATIENCE_OF_REFUSED: Duration = Duration::from_secs(6);
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
 
-/// The credentials for NATS servers of other operators.
+/// The credentials for NATS servers of other operators; `None` in a field: not given.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Credentials {
     /// The path of a `.creds` file of NATS. It takes precedence over `nkey` and over the login of the address.
