@@ -9,7 +9,7 @@ const PROVENANCE: Provenance =
 
 static BUILD: LazyLock<Build> = LazyLock::new(|| Build::new(PROVENANCE));
 
-/// Returns the build of this crate and its dependencies, the library included.
+/// Returns the identity and the commit of this build: of this crate and its dependencies, the library included.
 pub fn build() -> &'static Build {
     &BUILD
 }

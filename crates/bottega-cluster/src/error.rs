@@ -13,10 +13,10 @@ use thiserror::Error as ThisError;
 #[derive(Debug, ThisError)]
 #[non_exhaustive]
 pub enum Error {
-    /// The picture could not be rendered, or a file could not be used.
+    /// An error of the library or of this crate: an invalid request, an unusable file, or an operation that failed.
     #[error(transparent)]
     Bottega(#[from] bottega::Error),
-    /// The farm cannot be joined.
+    /// The connection to the farm cannot be made or used.
     #[error("no farm")]
     Farm {
         /// The error of the NATS connection.
@@ -33,12 +33,13 @@ pub enum Error {
 }
 
 impl Error {
-    /// Returns a usage error: the request is invalid. Both texts are for the user.
+    /// Returns a usage error: the request is invalid. Both texts are for the user: the problem, and the advice to solve it.
     pub fn usage(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         bottega::Error::usage(problem, remedy).into()
     }
 
-    /// Returns a failure: an operation was tried and failed. Both texts are for the user.
+    /// Returns a failure: an operation was tried and failed. Both texts are for the user: the problem, and the advice to solve
+    /// it.
     pub fn failed(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         bottega::Error::failed(problem, remedy).into()
     }
@@ -63,7 +64,7 @@ impl Error {
         matches!(self, Self::Bottega(error) if error.is_usage())
     }
 
-    /// Returns true if a retry may succeed, because the farm's server may come back.
+    /// Returns true if a retry may succeed: the server did not answer or had no room for a blob.
     pub fn may_pass(&self) -> bool {
         matches!(self, Self::Blob(error) if !error.is_lasting)
     }

@@ -7,12 +7,14 @@ use crate::clock::since_1970;
 /// The most characters of a machine's name; a longer host name is truncated.
 pub const MACHINE_NAME_MAX: usize = 24;
 
-/// Returns the host name of this machine as the name of a machine: letters, digits and hyphens, at most [`MACHINE_NAME_MAX`].
+/// Returns the host name of this machine as the name of a machine: its ASCII letters, digits and hyphens before the first
+/// period, at most [`MACHINE_NAME_MAX`]; `machine` if it has none.
 pub fn host_name() -> String {
     plain(&gethostname::gethostname().to_string_lossy())
 }
 
-/// Returns the letters, digits and hyphens of a name before its first period.
+/// Returns the ASCII letters, digits and hyphens of a name before its first period, at most [`MACHINE_NAME_MAX`]; `machine` if
+/// it has none.
 pub(crate) fn plain(host: &str) -> String {
     let first = host.split('.').next().unwrap_or_default();
     let plain: String =

@@ -78,9 +78,10 @@ struct PaintedState {
 }
 
 impl Dashboard {
-    /// Listens on `address` (port 0: any free one) and serves until the process ends.
+    /// Starts a server on `address` (port 0: any free one), on a thread of its own. Returns the dashboard; it is served until the
+    /// process ends, by TLS unless `address` is a loopback address.
     ///
-    /// - `stop`: stops rendering; clients can request it.
+    /// - `stop`: the switch by which clients stop rendering.
     ///
     /// # Errors
     /// The address cannot be listened on, no tokens or certificate can be made, or the operating system refuses a thread.
@@ -115,12 +116,12 @@ impl Dashboard {
         self.painted.live.tell_job(&state.view);
     }
 
-    /// Publishes a message between agents.
+    /// Publishes a message between agents. The dashboard keeps the last 50 000 messages.
     pub fn show_message(&self, message: MessageEvent) {
         self.painted.messages.lock().unwrap_or_else(PoisonError::into_inner).push(message);
     }
 
-    /// Sets the preview. Clients learn of it by [`Event::Preview`].
+    /// Sets the preview. Clients learn of it by an [`Event::Preview`], which the caller publishes.
     ///
     /// - `png`: the bytes of a PNG file.
     pub fn set_preview(&self, png: Vec<u8>) {

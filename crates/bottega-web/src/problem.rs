@@ -18,7 +18,7 @@ const RETRY_SECONDS: u32 = 2;
 pub struct Problem {
     /// The HTTP status code.
     pub status: u16,
-    /// The meaning of the status code.
+    /// The meaning of the status code, such as `Not Found`.
     pub title: String,
     /// The problem of this request.
     pub detail: String,
@@ -42,6 +42,7 @@ impl Problem {
     /// Makes the problem of a request for something that does not exist (404).
     ///
     /// - `what`: the problem, such as `there is no job 7`.
+    /// - `remedy`: advice for the client; empty: none.
     pub fn unknown(what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::new(StatusCode::NOT_FOUND, what, remedy)
     }

@@ -42,11 +42,11 @@ const THREADS_MAX: usize = 32;
 
 /// The options of a [`Door`].
 pub struct DoorOptions {
-    /// The listening socket. Other than on loopback addresses the door speaks TLS only.
+    /// The listening socket. The door speaks plain HTTP if its address is a loopback address, and TLS otherwise.
     pub listener: TcpListener,
-    /// Certificate and key for TLS, in PEM.
+    /// Certificate and private key for TLS, in PEM; unused on a loopback address.
     pub certificate: (String, String),
-    /// Host names in addition to the addresses, such as `farm.example:8443`.
+    /// Host names that requests may use in addition to the addresses of the machine, such as `farm.example:8443`.
     pub names: Vec<String>,
     /// The log of changes and their authors; `None`: no log.
     pub log: Option<DeedLog>,
@@ -60,10 +60,11 @@ pub struct Door {
 }
 
 impl Door {
-    /// Starts to serve on a thread.
+    /// Starts the server on a thread of its own. Returns it; it serves the page, the manual and the HTTP API of `farm` until the
+    /// process ends, by TLS unless the socket's address is a loopback address.
     ///
     /// # Errors
-    /// The certificate is invalid, or the operating system refuses the socket or a thread.
+    /// The certificate is needed and invalid, or the operating system refuses the socket or a thread.
     pub fn open(farm: Arc<dyn ShownFarm>, options: DoorOptions) -> Result<Self, ServeError> {
         let DoorOptions { listener, certificate, names, log } = options;
         listener.set_nonblocking(true)?;
@@ -89,19 +90,20 @@ impl Door {
         self.address
     }
 
-    /// Returns the URL without a token, such as `http://127.0.0.1:8080`.
+    /// Returns the URL without a token, such as `http://127.0.0.1:8080`; its host is 127.0.0.1 if the door listens on all
+    /// addresses.
     pub fn url(&self) -> String {
         let scheme = if self.is_secure { "https" } else { "http" };
         let host = if self.address.ip().is_unspecified() { "127.0.0.1".to_owned() } else { host_of(self.address) };
         format!("{scheme}://{host}:{}", self.address.port())
     }
 
-    /// Returns the URL with the token that allows steering.
+    /// Returns the URL of the page with the current token that allows steering: it ends with `/?token=TOKEN`.
     pub fn steering_url(&self) -> String {
         self.url_of(TokenRole::Steer)
     }
 
-    /// Returns the URL with the token that only allows seeing.
+    /// Returns the URL of the page with the current token that only allows seeing: it ends with `/?token=TOKEN`.
     pub fn seeing_url(&self) -> String {
         self.url_of(TokenRole::See)
     }

@@ -43,7 +43,7 @@ pub enum JobOrder {
 /// The agents of a job, and the totals of its auction.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct JobAgents {
-    /// The agents: V_cp, credit, reliability.
+    /// The agents, each with its V_cp, credit and reliability.
     pub agents: Vec<AgentEvent>,
     /// The totals of the auction.
     pub auction: AuctionSum,
@@ -79,7 +79,8 @@ pub struct MachineStatus {
     pub state: &'static str,
     /// The state that the machine was ordered to take.
     pub ordered: &'static str,
-    /// `busy`: working for its job; `waiting`: without a job, or without work in it at present.
+    /// `busy`: working for its job; `waiting`: without a job, or without work in it at present; `viewing`: rendering samples for
+    /// a viewport.
     pub activity: &'static str,
     /// Number of CPU threads.
     pub threads: usize,
@@ -95,14 +96,14 @@ pub struct MachineStatus {
     pub is_guest: bool,
     /// The machine's tags, which jobs can require.
     pub tags: Vec<String>,
-    /// The machine's reliability in the jobs so far: estimated over measured time, 1 if zones took as long as promised.
+    /// The machine's reliability in the jobs so far: predicted over measured time, 1 if zones took as long as predicted.
     /// `null`: unknown.
     pub reliability: Option<f64>,
     /// V_cp, credit and failures of its agents in its current job.
     pub agents: Vec<AgentEvent>,
     /// The last jobs that the machine has refused, with reasons.
     pub refusals: Vec<MachineRefusal>,
-    /// The energy the machine has used for its current job, as reported by the job's leader.
+    /// The energy the machine has used for its current job, as reported by the job's leader. `null`: not reported.
     pub energy: Option<MachineEnergy>,
 }
 
@@ -155,7 +156,7 @@ pub trait ShownFarm: Send + Sync + 'static {
     /// from their defaults are in it.
     ///
     /// # Errors
-    /// Those of [`Self::job`].
+    /// Those of [`Self::job`]; or its request cannot be read, or the source is not a farm.
     fn request(&self, number: u32) -> Result<Value, Problem>;
 
     /// Returns the rows of a job's Blackboard: zones and agents.
@@ -164,7 +165,7 @@ pub trait ShownFarm: Send + Sync + 'static {
     /// Those of [`Self::job`].
     fn rows(&self, number: u32) -> Result<Vec<Event>, Problem>;
 
-    /// Returns the agents of a job.
+    /// Returns the agents of a job, and the totals of its auction; without agents and with zeros while they are unknown.
     ///
     /// # Errors
     /// Those of [`Self::job`].
@@ -176,8 +177,8 @@ pub trait ShownFarm: Send + Sync + 'static {
     /// Those of [`Self::job`].
     fn energy(&self, number: u32) -> Result<JobEnergy, Problem>;
 
-    /// Returns messages between the agents of a job from number `from` on, a limited number at a time. A farm collects them
-    /// from the first call on.
+    /// Returns messages between the agents of a job from number `from` on, at most 2000 at a time. A farm collects them from the
+    /// first call on.
     ///
     /// # Errors
     /// Those of [`Self::job`].
@@ -186,13 +187,13 @@ pub trait ShownFarm: Send + Sync + 'static {
     /// Returns the rules that choose the settings of a job's zones.
     ///
     /// # Errors
-    /// Those of [`Self::job`]; or the rules cannot be read.
+    /// Those of [`Self::job`]; or the rules cannot be read, or the source is not a farm.
     fn rules(&self, number: u32) -> Result<JobRules, Problem>;
 
-    /// Returns the result of the rules for a zone.
+    /// Returns the verdict of the rules on a zone.
     ///
     /// # Errors
-    /// Those of [`Self::job`]; or there is no such zone.
+    /// Those of [`Self::rules`]; or there is no such zone.
     fn zone_rules(&self, number: u32, zone: u32) -> Result<ZoneRules, Problem>;
 
     /// Returns the log of a job, oldest line first.
@@ -201,31 +202,31 @@ pub trait ShownFarm: Send + Sync + 'static {
     /// Those of [`Self::job`].
     fn log(&self, number: u32) -> Result<Vec<LogLine>, Problem>;
 
-    /// Returns the preview of a job as a PNG file; `None`: nothing is painted yet.
+    /// Returns the preview of a job as the bytes of a PNG file; `None`: there is nothing to show yet.
     ///
     /// # Errors
-    /// Those of [`Self::job`].
+    /// Those of [`Self::job`]; or the picture is too large to show or cannot be read.
     fn preview(&self, number: u32) -> Result<Option<Vec<u8>>, Problem>;
 
-    /// Returns the importance map as a PNG file; `None`: it is unknown.
+    /// Returns the importance map of a job as the bytes of a PNG file; `None`: it is unknown.
     ///
     /// # Errors
     /// Those of [`Self::job`].
     fn importance(&self, number: u32) -> Result<Option<Vec<u8>>, Problem>;
 
-    /// Returns the finished picture.
+    /// Returns the finished picture of a job.
     ///
     /// # Errors
-    /// The picture is not finished, or not available here.
+    /// Those of [`Self::job`]; or the picture is not finished, or not available here.
     fn picture(&self, number: u32) -> Result<PictureFile, Problem>;
 
-    /// Returns the live state of a job.
+    /// Returns the live state of a job, which is updated while the caller keeps it.
     ///
     /// # Errors
-    /// Those of [`Self::job`].
+    /// Those of [`Self::job`]; or a thread cannot be started.
     fn live(&self, number: u32) -> Result<Arc<LiveJob>, Problem>;
 
-    /// Returns the machines that are present.
+    /// Returns the machines that are present, each process counted.
     ///
     /// # Errors
     /// Those of [`Self::jobs`].
@@ -236,25 +237,31 @@ pub trait ShownFarm: Send + Sync + 'static {
     /// - `by`: author of the order, for logs; the same holds for all other methods that change something.
     ///
     /// # Errors
-    /// The state of the job does not allow the order.
+    /// Those of [`Self::job`]; or the state of the job does not allow the order, or this machine is a guest of the farm. A source
+    /// that is not a farm executes [`JobOrder::Cancel`] only.
     fn steer(&self, number: u32, order: JobOrder, by: &str) -> Result<(), Problem>;
 
     /// Requests that a finished or failed zone of a job is painted again.
     ///
     /// # Errors
-    /// There is no such zone, or it is not finished.
+    /// Those of [`Self::job`]; or there is no such zone, it is not finished, the job is over and its picture not stored, this
+    /// machine is a guest of the farm, or the source is not a farm.
     fn requeue(&self, number: u32, zone: u32, by: &str) -> Result<(), Problem>;
 
     /// Orders a machine to take a state.
     ///
+    /// - `machine`: the name of its process, as in [`MachineStatus::name`].
+    /// - `standing`: the state.
+    ///
     /// # Errors
-    /// The machine is absent, or takes no orders.
+    /// The machine is absent or takes no orders, this machine is a guest of the farm, or the source is not a farm.
     fn tell(&self, machine: &str, standing: PresenceState, by: &str) -> Result<(), Problem>;
 
     /// Registers a file that a client is about to upload. Returns the missing pieces.
     ///
     /// # Errors
-    /// The offer is inconsistent or too large, or there is no room.
+    /// The offer is inconsistent or too large, there is no room, this machine is a guest of the farm, or the source is not a
+    /// farm.
     fn offer(&self, offer: &UploadOffer) -> Result<UploadState, Problem>;
 
     /// Stores a piece of a file.
@@ -262,45 +269,51 @@ pub trait ShownFarm: Send + Sync + 'static {
     /// - `digest`: the BLAKE3 hash of the piece, in hexadecimal.
     ///
     /// # Errors
-    /// The piece does not match its digest, or cannot be stored.
+    /// The piece is too large, does not match its digest or cannot be stored, this machine is a guest of the farm, or the source
+    /// is not a farm.
     fn put_piece(&self, digest: &str, bytes: &[u8]) -> Result<(), Problem>;
 
-    /// Submits a picture, or the frames of an animation. Returns the numbers of the jobs.
+    /// Submits a picture, or the frames of an animation. Returns the numbers of the jobs, one per picture.
     ///
     /// # Errors
-    /// The request cannot be rendered.
+    /// The request is invalid, a file was not uploaded, the scene cannot be rendered, this machine is a guest of the farm, or the
+    /// source is not a farm.
     fn submit(&self, submission: Submission, by: &str) -> Result<Vec<u32>, Problem>;
 
     /// Returns the request of a submission with its files on this machine, so that its scene can be viewed.
     ///
     /// # Errors
-    /// A file is missing, or the source is not a farm.
+    /// The request is invalid, a file was not uploaded, or this machine is a guest of the farm. A source that is not a farm knows
+    /// the files of job 1 only.
     fn uploaded_here(&self, submission: Submission) -> Result<Request, Problem>;
 
-    /// Lets free machines render samples of a viewport until the returned value is dropped. `None`: there are no other machines.
+    /// Lets free machines render samples of a viewport until the returned value is dropped. `None`: the source is not a farm, or
+    /// its machines cannot help.
     fn share(&self, viewport: &Arc<Viewport>) -> Option<SharedViewport>;
 
     /// Returns the holder of a token; `None`: the token is unknown or revoked. Returns at once.
     fn holder(&self, token: &str) -> Option<TokenHolder>;
 
-    /// Returns the token of a role that is printed when the door opens.
+    /// Returns the current token of a role that is derived from the secrets: the one printed when the door opens, unless it was
+    /// revoked.
     fn own_token(&self, role: TokenRole) -> String;
 
-    /// Returns all tokens, sorted by name, without their secrets.
+    /// Returns all tokens without their secrets: `see` and `steer`, and then the named ones in the order of their names.
     ///
     /// # Errors
     /// The farm does not answer.
     fn tokens(&self) -> Result<Vec<WebToken>, Problem>;
 
-    /// Makes a token. Returns it; it cannot be shown again.
+    /// Makes a named token. Returns it; it cannot be shown again.
     ///
     /// # Errors
-    /// The name is invalid or taken.
+    /// The name is invalid or taken, there are too many tokens, this machine is a guest of the farm, or the source is not a farm.
     fn make_token(&self, name: &str, role: TokenRole, by: &str) -> Result<String, Problem>;
 
-    /// Revokes a token.
+    /// Revokes a token; `see` and `steer` are replaced by new ones.
     ///
     /// # Errors
-    /// No token has that name.
+    /// No token has that name, it is `see` or `steer` of a process that shares its secrets with no other, this machine is a guest
+    /// of the farm, or the source is not a farm.
     fn revoke_token(&self, name: &str, by: &str) -> Result<(), Problem>;
 }

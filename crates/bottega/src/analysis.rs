@@ -97,7 +97,7 @@ pub struct AnalyzedScene {
 }
 
 impl AnalyzedScene {
-    /// Reads the scene of a request and surveys it.
+    /// Reads the scene of a request and surveys it. Returns the scene with its survey.
     ///
     /// # Errors
     /// The request or its scene cannot be used, or the survey fails.
@@ -108,7 +108,7 @@ impl AnalyzedScene {
         Self::of(request, subject, painters)
     }
 
-    /// Surveys a scene made in memory.
+    /// Surveys a scene made in memory. Returns the scene with its survey.
     ///
     /// # Errors
     /// Those of [`Self::open`].
@@ -119,7 +119,7 @@ impl AnalyzedScene {
         Self::of(request, subject, painters)
     }
 
-    /// Surveys a loaded scene.
+    /// Surveys a loaded scene. Returns it with its survey.
     ///
     /// - `request`: the request for which the scene was loaded.
     /// - `painters`: number of CPU threads of the survey.

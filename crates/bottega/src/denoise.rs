@@ -15,8 +15,8 @@ use crate::{devices::threads, error::Error, events::Event, request::Request, ses
 /// Name of the metadata entry that names the denoiser of a picture.
 pub const KEY: &str = "denoised";
 
-/// Loads the denoiser if the request asks for one. Called before rendering, so that a missing library is found early. `None`: the
-/// request asks for none.
+/// Loads and returns the denoiser if the request asks for one. Called before rendering, so that a missing library is found early.
+/// `None`: the request asks for none.
 ///
 /// # Errors
 /// Open Image Denoise is not installed, or too old.
@@ -95,8 +95,8 @@ pub fn here(request: &Request, report: &mut JobReport, metadata: &mut Metadata) 
     Ok(())
 }
 
-/// Returns a warning if a picture completed by another machine should be denoised and is not; `None`: it is denoised, or need not
-/// be.
+/// Returns a warning if a picture completed by another machine should be denoised and is not, or cannot be read; `None`: it is
+/// denoised, or need not be.
 ///
 /// - `output`: file name of the picture; its extension gives the format.
 /// - `picture`: the file's bytes.

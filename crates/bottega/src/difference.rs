@@ -15,9 +15,9 @@ const VISIBLE: f32 = 0.1;
 /// The difference of a picture from a reference.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Difference {
-    /// Root mean squared error.
+    /// Root mean squared error, in linear light.
     pub rmse: f64,
-    /// Mean absolute error.
+    /// Mean absolute error, in linear light.
     pub mae: f64,
     /// Mean squared error relative to the reference (relMSE).
     pub rel_mse: f64,
@@ -35,7 +35,7 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// Compares a picture with a reference, both in linear light.
+    /// Compares a picture with a reference, both in linear light. Returns their difference.
     ///
     /// # Errors
     /// The pictures differ in size.

@@ -30,7 +30,7 @@ pub enum Error {
     /// The scene cannot be read or is invalid.
     #[error("cannot use the scene")]
     Scene(#[from] SceneError),
-    /// An image file cannot be read or written.
+    /// A picture or image file cannot be read, written or used.
     #[error("cannot use the picture")]
     Image(#[from] ImageError),
     /// The acceleration structures of the scene cannot be built, or the settings are invalid.
@@ -169,7 +169,7 @@ pub struct Excerpt {
 impl Error {
     /// Makes a usage error: the request must be changed to succeed.
     ///
-    /// - `problem`: what is wrong, for the user.
+    /// - `problem`: the problem in one sentence, for the user.
     /// - `remedy`: advice for the user.
     pub fn usage(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Usage { problem: problem.into(), remedy: remedy.into() }

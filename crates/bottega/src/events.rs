@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub(crate) use self::society::corners;
 pub use self::society::{AgentEvent, AuctionEvent, ForecastEvent, RoundEvent, TheftEvent, Zone, ZoneChoice, ZoneEvent};
 
-/// Something that happened in a job. In JSON one object; its field `event` names the kind.
+/// An event of a job. In JSON one object; its field `event` names the kind.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Event {
@@ -35,7 +35,7 @@ pub enum Event {
         /// The requested time limit in seconds, loading included; missing if none was requested.
         #[serde(skip_serializing_if = "Option::is_none")]
         time: Option<f64>,
-        /// The integrator: `path`, `photon` or `ala`; with an external engine, its title.
+        /// The integrator: `path`, `photon`, `ala` or `auto`; with an external engine, its title.
         integrator: String,
         /// True if the integrator is progressive photon mapping.
         progressive: bool,
@@ -142,7 +142,7 @@ pub enum Event {
     },
     /// Two engines have rendered the picture together.
     Mixed {
-        /// The number of zones that each engine rendered.
+        /// The share of each engine, as its number of passes over zones.
         engines: Vec<EngineShare>,
         /// Visibility of zone edges: by how many standard deviations the differences at edges exceed those elsewhere.
         seams_z: f64,
@@ -244,10 +244,10 @@ pub struct ResourceUse {
     /// Total device memory in bytes; missing if the device does not report it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub memory_bytes: Option<u64>,
-    /// Bytes of scenes in the device memory.
+    /// Bytes of scenes in the device memory; missing if the device is not a GPU.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub resident_bytes: Option<u64>,
-    /// Bytes of scenes sent to the device since this program opened it.
+    /// Bytes of scenes sent to the device since this program opened it; missing if the device is not a GPU.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sent_bytes: Option<u64>,
     /// The traffic on the cable; missing if the device is not a board.
@@ -262,15 +262,15 @@ pub struct CableTraffic {
     pub sent_bytes: u64,
     /// Bytes received from the board.
     pub received_bytes: u64,
-    /// Bandwidth to the board in bytes per second, as last measured.
+    /// Bandwidth to the board in bytes per second, as last measured; missing if it was not measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bandwidth_there: Option<f64>,
-    /// Bandwidth from the board in bytes per second, as last measured.
+    /// Bandwidth from the board in bytes per second, as last measured; missing if it was not measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bandwidth_back: Option<f64>,
     /// Number of packets that were answered.
     pub packets: u64,
-    /// Mean seconds between sending a packet and receiving its answer.
+    /// Mean seconds between sending a packet and receiving its answer; missing without answers.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub packet_seconds: Option<f64>,
 }
@@ -287,7 +287,7 @@ pub struct EngineShare {
 /// Statistics of the lighting agents of a picture on this machine: their properties, cost and answers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LightingAgents {
-    /// Number of agents cast from the lights.
+    /// Number of agents sent out by all lights together, without clones and scouts.
     pub cast: u32,
     /// Number of stored agents, clones and scouts included.
     pub agents: u64,

@@ -36,7 +36,8 @@ pub fn path() -> PathBuf {
     state_folder().join("experience.json")
 }
 
-/// Reads the experience from earlier jobs. If the file is unusable, returns an empty one and a warning for the user.
+/// Reads the experience from earlier jobs. Returns it, and a warning for the user if the file is unusable. It is empty then, and
+/// also if there is no file or an earlier version of Bottega wrote it.
 pub fn read() -> (Experience, Option<String>) {
     let path = path();
     match read_file(&path) {
@@ -58,7 +59,7 @@ pub enum ExperienceFileError {
     /// The file cannot be read.
     #[error(transparent)]
     Unreadable(#[from] io::Error),
-    /// The file does not hold an experience.
+    /// The file does not hold a valid experience.
     #[error("{}", error_chain(.0))]
     Damaged(#[from] ExperienceError),
     /// The file with earlier experience cannot be used.
@@ -101,7 +102,7 @@ fn read_file(path: &Path) -> Result<Option<Experience>, ExperienceFileError> {
 /// Adds the lesson of a job to the file. An unusable file is left as it is, for the user to inspect.
 ///
 /// # Errors
-/// The file cannot be read, is invalid, or cannot be written.
+/// The file cannot be read, is invalid, or cannot be written, or its folder cannot be created or locked.
 pub fn keep(lesson: &JobLesson) -> Result<(), ExperienceFileError> {
     let path = path();
     let folder = state_folder();
@@ -136,7 +137,7 @@ fn benchmark_path() -> PathBuf {
     state_folder().join("benchmark.json")
 }
 
-/// Returns the stored speed of this machine; `None`: this build was not measured yet.
+/// Returns the stored speed of this machine; `None`: this build was not measured yet, or the file cannot be used.
 pub fn kept_benchmark() -> Option<MachineSpeed> {
     let kept: KeptBenchmark = serde_json::from_slice(&fs::read(benchmark_path()).ok()?).ok()?;
     let is_sound = kept.build == identity() && kept.power.is_finite() && kept.power > 0.0 && kept.load >= 1.0;

@@ -34,21 +34,24 @@ pub fn is_journal_of(path: &Path, name: &str) -> bool {
 }
 
 impl PictureJournal {
-    /// Opens the journal beside the output of a request; `None`: the request has no output file, or the picture no name.
+    /// Opens and returns the journal beside the output of a request; `None`: the request has no output file, or the picture no
+    /// name.
     ///
     /// - `name`: a text with everything that determines the pixels; see [`Session::name`](crate::Session::name).
     ///
     /// # Errors
-    /// The journal cannot be written; or `resume` is set and there is no journal of this picture.
+    /// The journal cannot be written; with `resume`, also if it is missing, damaged or of another picture.
     pub fn of_request(request: &Request, name: Option<&str>, resume: bool) -> Result<Option<Self>, Error> {
         let named = request.output.file.as_deref().zip(name);
         named.map(|(file, name)| Self::begin(file, name, resume)).transpose()
     }
 
-    /// Creates the journal of `output`, or with `resume` opens the existing one.
+    /// Creates the journal of `output`, or with `resume` opens the existing one. Returns it.
+    ///
+    /// - `name`: a text with everything that determines the pixels.
     ///
     /// # Errors
-    /// The journal cannot be written; with `resume`, also if there is none, or it is of another picture.
+    /// The journal cannot be written; with `resume`, also if it is missing, damaged or of another picture.
     pub fn begin(output: &Path, name: &str, resume: bool) -> Result<Self, Error> {
         let path = journal_of(output);
         if resume { Self::resume(path, name) } else { Self::create(path, name) }

@@ -46,18 +46,20 @@ pub struct LoadedScene {
 }
 
 impl LoadedScene {
-    /// Reads and prepares the scene file of a request.
+    /// Reads and prepares the scene file of a request. Returns the prepared scene.
     ///
     /// # Errors
-    /// The scene cannot be read or prepared, or has no such camera.
+    /// The scene cannot be read or prepared, has no such camera, the lens or pose of the request does not suit the camera, or the
+    /// picture is too large.
     pub fn load(request: &Request) -> Result<Self, Error> {
         Self::of(load(request)?, request)
     }
 
-    /// Prepares a scene in memory, with the camera, size and environment of a request.
+    /// Prepares a scene in memory, with the camera, size and environment of a request. Returns the prepared scene.
     ///
     /// # Errors
-    /// The scene is invalid, cannot be prepared, or has no camera or not the requested one.
+    /// The scene is invalid, cannot be prepared, or has no camera or not the requested one; the lens or pose of the request does
+    /// not suit the camera, or the picture is too large.
     pub fn of_scene(scene: impl Into<Loaded>, request: &Request) -> Result<Self, Error> {
         let mut loaded = scene.into();
         loaded.scene.validate()?;
@@ -88,7 +90,7 @@ impl LoadedScene {
     /// Returns the scene with the camera and size of a request that differs in its view alone. Nothing is read or prepared again.
     ///
     /// # Errors
-    /// The scene has no such camera, or the pose is invalid.
+    /// The scene has no such camera, the lens or pose does not suit it, or the picture is too large.
     pub fn seen_as(self, request: &Request) -> Result<Self, Error> {
         let (camera, aimed) = aimed(&self.cameras, self.scene().origin, &request.view)?;
         let [width, height] = size(request, &self.hints, &aimed)?;

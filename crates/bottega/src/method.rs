@@ -12,16 +12,16 @@ use crate::{
 /// The integrator with its settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Method {
-    /// The integrator: path tracing, photon mapping or lighting agents.
+    /// The integrator: path tracing, photon mapping, lighting agents, or `auto`, which chooses paths or photons by zone.
     pub integrator: IntegratorChoice,
-    /// Settings of photons; `None` for path tracing. `auto` tries them.
+    /// Settings of photons; `None`: paths alone, also with `auto` if photons cannot render the picture.
     pub photons: Option<PhotonSettings>,
-    /// A note for the user if the integrator of the scene file is replaced.
+    /// A note for the user if the integrator of the scene file is replaced, or if `auto` uses paths alone; `None`: neither.
     pub note: Option<String>,
 }
 
 impl Method {
-    /// Chooses the method of a request for a scene.
+    /// Chooses the method of a request for a scene, and returns it.
     ///
     /// - `bounces`: maximum number of bounces of light.
     pub fn of(request: &Request, subject: &LoadedScene, bounces: u32) -> Self {

@@ -39,7 +39,7 @@ pub struct Noise {
 /// are those of the sum over all kinds.
 #[derive(Clone, Copy, Debug)]
 pub struct KindNoise {
-    /// The kind.
+    /// The kind of path.
     pub kind: PathKind,
     /// Share of the picture's luminance, 0 to 1.
     pub light: f64,
@@ -49,10 +49,10 @@ pub struct KindNoise {
     pub shown: f64,
 }
 
-/// Measures the noise of path tracing.
+/// Measures the noise of path tracing, at a size of at most 512 × 512 pixels. Returns it by pixel and by kind of path.
 ///
 /// - `samples`: number of samples per pixel of each render.
-/// - `renders`: number of renders, at least 2.
+/// - `renders`: number of renders; fewer than 2 count as 2.
 /// - `threads`: number of CPU threads.
 ///
 /// # Errors

@@ -54,7 +54,7 @@ impl Picture {
         &self.metadata
     }
 
-    /// Returns the report of the job: rows of all zones, times, messages.
+    /// Returns the report of the job: rows of all zones, times, number of messages.
     pub fn report(&self) -> &JobReport {
         &self.report
     }
@@ -64,7 +64,7 @@ impl Picture {
         &self.settings
     }
 
-    /// Returns true if all zones are painted.
+    /// Returns true if the picture is complete: all zones are painted, and the user has stopped neither rendering nor denoising.
     pub fn is_whole(&self) -> bool {
         !self.report.stopped && self.report.failed.is_empty()
     }
@@ -95,7 +95,7 @@ impl Picture {
         self.request.output.file.as_deref().map_or(Ok(()), |file| self.save(file))
     }
 
-    /// Writes the picture like [`Self::write`], then closes it like [`Self::close`].
+    /// Writes the picture like [`Self::write`], then closes it like [`Self::close`]. Returns it.
     ///
     /// # Errors
     /// The picture cannot be written, or zones could not be painted.
@@ -244,10 +244,10 @@ pub fn is_done(request: &Request) -> bool {
     is_whole && held == Some(request.by_engine_of_scene())
 }
 
-/// Reads the request from the metadata of a picture file.
+/// Reads the request from the metadata of a picture file, and returns it.
 ///
 /// # Errors
-/// The file is not a picture, or holds no valid request.
+/// The file cannot be read, is not a picture, or holds no valid request.
 pub fn request_of(path: &Path) -> Result<Request, Error> {
     let file = bottega_image::read_image(path, ReadLimits { max_pixels: PIXELS_MAX })?;
     let Some(line) = file.metadata.get(REQUEST_KEY) else {

@@ -27,7 +27,7 @@ pub struct RuleInputs {
 }
 
 impl RuleInputs {
-    /// Makes the inputs of a work.
+    /// Makes the inputs of a work from the intervals of its zones' values and its degree of optimization.
     pub fn new(ranges: &InputRanges, optimization: Optimization) -> Self {
         let InputRanges { complexity_density, neighbor_difference, size } = *ranges;
         Self {
@@ -153,7 +153,7 @@ impl RuleSetView {
     /// Makes the view of a rule set, its inputs scaled to the intervals of a picture if given.
     ///
     /// # Errors
-    /// The text is not a valid rule set.
+    /// The text is not a valid rule set, or its inputs cannot be scaled.
     pub fn new(text: &RulesText, inputs: Option<&RuleInputs>) -> Result<Self, Error> {
         let block = block(text, inputs)?;
         let pair = |(low, high): (f64, f64)| [low, high];
@@ -173,7 +173,8 @@ impl RuleSetView {
 }
 
 impl RuleVerdict {
-    /// Evaluates a rule set for a zone. `None`: optimization is off, or the zone's neighbor difference is unknown.
+    /// Evaluates a rule set for a zone, and returns its verdict. `None`: optimization is off, or the zone's neighbor difference
+    /// is unknown.
     ///
     /// # Errors
     /// The text is not a valid rule set, or the rules cannot be evaluated.

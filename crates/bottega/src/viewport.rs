@@ -41,7 +41,7 @@ use crate::{
     session::{Session, SessionOptions, Urgency},
 };
 
-/// Largest number of pixels of a viewport; a larger picture is scaled down.
+/// Largest number of pixels of a viewport that [`Viewport::open`] opens; a larger picture is scaled down.
 pub const VIEWPORT_PIXELS_MAX: u64 = 1 << 20;
 /// Largest number of pixels if the request gives no size.
 const PIXELS: u64 = 1 << 18;
@@ -91,10 +91,10 @@ fn fitted((width, height): (u32, u32), pixels_max: u64) -> [u32; 2] {
 }
 
 impl Viewport {
-    /// Loads the scene of a request, and starts rendering.
+    /// Loads the scene of a request, and starts rendering on a thread of its own. Returns the viewport.
     ///
     /// # Errors
-    /// The request or its scene cannot be used, or the request names an external engine.
+    /// The request or its scene cannot be used, the request names an external engine, or a thread cannot be started.
     pub fn open(request: &Request) -> Result<Self, Error> {
         if !request.engine.is_builtin() {
             return Err(Error::usage("only the built-in engine can change the view", "leave out the engine"));
@@ -115,7 +115,7 @@ impl Viewport {
     /// - `request`: its size is that of the picture, and its crop the region that is rendered.
     ///
     /// # Errors
-    /// The request or the scene cannot be used.
+    /// The request or the scene cannot be used, the request names an external engine, or a thread cannot be started.
     pub fn of_scene(request: &Request, scene: impl Into<Loaded>) -> Result<Self, Error> {
         let request = as_edited(request);
         let options = SessionOptions { urgency: Urgency::Look, ..SessionOptions::default() };
@@ -154,7 +154,8 @@ impl Viewport {
         self.denoises
     }
 
-    /// Changes the view. Returns the number of the new look.
+    /// Changes the view. Returns the number of the new look. An error in preparing it comes from [`Self::frame`] or
+    /// [`Self::copy_linear`].
     ///
     /// # Errors
     /// The view is invalid; the previous one stays.
@@ -165,9 +166,10 @@ impl Viewport {
     }
 
     /// Shows another state of the scene, of which only what has changed is prepared again. States that follow each other faster
-    /// than they are shown are left out; a state is never shown in part. Returns the number of the new look.
+    /// than they are shown are left out; a state is never shown in part. Returns the number of the new look. An error in
+    /// preparing it comes from [`Self::frame`] or [`Self::copy_linear`].
     ///
-    /// - `request`: may differ in view, size, crop and samples.
+    /// - `request`: may differ from the request of the opening in view, size, crop and samples alone.
     ///
     /// # Errors
     /// The request is invalid.

@@ -42,22 +42,22 @@ const PAGES: &str = "page/";
 pub struct JobAgent {
     /// The name of the agent.
     pub agent: String,
-    /// The agent's life cycle state, in FIPA's words.
+    /// The agent's life cycle state, in FIPA's words; `unknown` if the white pages do not name the agent.
     pub state: &'static str,
-    /// The types of the agent's services.
+    /// The types of the agent's services, in FIPA's sense.
     pub services: Vec<String>,
     /// The agent's transport addresses.
     pub addresses: Vec<String>,
 }
 
-/// A life cycle command to an agent.
+/// A life cycle command to an agent that paints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AgentOrder {
-    /// Return its zones and wait.
+    /// The agent must return its zones and wait.
     Suspend,
-    /// Continue to paint.
+    /// The agent must continue to paint.
     Resume,
-    /// Finish and deregister.
+    /// The agent must finish and deregister.
     Quit,
 }
 
@@ -99,7 +99,8 @@ impl JobBoard {
     /// - `agent`: the name of the agent.
     ///
     /// # Errors
-    /// There is no such agent, its state does not allow the command, this machine is a guest, or the farm does not answer.
+    /// There is no such agent, its state does not allow the command, this machine is a guest, a thread cannot be started, or the
+    /// farm does not store the command.
     pub fn steer_agent(&self, agent: &str, order: AgentOrder) -> Result<(), Error> {
         self.refuse_guests()?;
         let name = AgentId::new(agent);

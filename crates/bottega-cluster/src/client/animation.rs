@@ -50,14 +50,18 @@ struct WantedFrame {
     output: PathBuf,
 }
 
-/// Renders an animation with the machines of a farm, and writes each frame to its output file.
+/// Renders an animation with the machines of a farm, and writes each frame to its output file. A frame that fails does not end
+/// the others.
 ///
-/// - `farm`: the address; none: the farm that runs on this machine.
+/// - `farm`: the address; `None`: the farm that runs on this machine.
+/// - `credentials`: for NATS servers of other operators.
 /// - `resume`: submits only the frames whose output is missing or incomplete.
-/// - `stop`: ends the work of this machine and the wait for the frames.
+/// - `watcher`: receives the events of the work.
+/// - `stop`: ends the work of this machine and the wait for the frames; those that are not done are cancelled, without error.
 ///
 /// # Errors
-/// There is no such farm, the denoiser is not installed, or a frame cannot be rendered or written.
+/// There is no such farm, it does not admit this machine or admits it as a guest, the request is invalid, the denoiser is not
+/// installed, the farm has no room for the scene, a frame cannot be rendered or written, or its job was cancelled or removed.
 pub fn render_frames(
     farm: Option<&FarmAddress>,
     credentials: &Credentials,
@@ -75,10 +79,12 @@ pub fn render_frames(
     paint_with_others(request, wanted, board, name, stop, &reporter)
 }
 
-/// Submits an animation to a farm, without waiting for it; parameters as for [`render_frames`].
+/// Submits an animation to a farm, without waiting for it; parameters as for [`render_frames`]. `watcher` receives the numbers
+/// of the jobs.
 ///
 /// # Errors
-/// There is no such farm, or a frame cannot be rendered.
+/// There is no such farm, it does not admit this machine or admits it as a guest, the request is invalid, the first frame cannot
+/// be rendered, or the farm has no room for the scene.
 pub fn submit_frames(
     farm: Option<&FarmAddress>,
     credentials: &Credentials,

@@ -26,7 +26,7 @@ pub fn known(board: &JobBoard, number: u32) -> Result<Job, Error> {
     board.shown_job(number)
 }
 
-/// Waits up to 30 s until this process sees a job that another of its connections has submitted: notices take a moment to
+/// Waits until this process sees a job that another of its connections has submitted, at most 30 s: notices take a moment to
 /// reach each connection, and seconds after a server lost a consumer.
 pub fn wait_until_known(board: &JobBoard, number: u32) {
     const MOMENT: Duration = Duration::from_secs(30);
@@ -38,11 +38,11 @@ pub fn wait_until_known(board: &JobBoard, number: u32) {
 
 /// Pauses, resumes or cancels a job, and logs who did it.
 ///
-/// - `to`: the new state.
+/// - `to`: the new state: active, paused or cancelled.
 /// - `by`: the name of the user, for the log.
 ///
 /// # Errors
-/// There is no such job, it is over, this machine is a guest, or the farm does not answer.
+/// There is no such job, it is over, this machine is a guest, or the farm does not store the change.
 pub fn steer(board: &JobBoard, number: u32, to: &JobState, by: &str) -> Result<(), Error> {
     let done = match to {
         JobState::Active => "resumed",
@@ -69,11 +69,11 @@ pub fn steer(board: &JobBoard, number: u32, to: &JobState, by: &str) -> Result<(
 
 /// Sets the priority of a job, and logs who did it.
 ///
-/// - `priority`: the job's weight when jobs share the machines, 1 to 1000.
+/// - `priority`: the job's weight when jobs share the machines, 1 to 1000; not checked here.
 /// - `by`: the name of the user, for the log.
 ///
 /// # Errors
-/// There is no such job, this machine is a guest, or the farm does not answer.
+/// There is no such job, this machine is a guest, or the farm does not store the change.
 pub fn set_priority(board: &JobBoard, number: u32, priority: u32, by: &str) -> Result<(), Error> {
     let change = board.change(number, |job| {
         job.say(format!("priority {priority}, says {by}"));
@@ -83,9 +83,10 @@ pub fn set_priority(board: &JobBoard, number: u32, priority: u32, by: &str) -> R
     change.map(drop)
 }
 
-/// Writes the stored picture of a job; while it is rendered again, its previous picture. Returns the path written.
+/// Writes the stored picture of a job; while it is rendered again, its previous picture. Deletes a journal of the same picture
+/// beside it. Returns the path written.
 ///
-/// - `output`: the file to write; none: the output of the request.
+/// - `output`: the file to write; `None`: the output of the request, [`Job::output`].
 ///
 /// # Errors
 /// There is no such job, the farm does not store its picture or does not answer, or the file cannot be written.
@@ -123,7 +124,7 @@ fn forget_journal(board: &JobBoard, job: &Job, output: &Path) {
     }
 }
 
-/// Deletes a job that is over, its picture, and its scene if no other job needs it.
+/// Deletes a job that is over, its picture, and its scene unless a job that is not over needs it.
 ///
 /// # Errors
 /// There is no such job, it is not over, this machine is a guest, or the farm does not answer.

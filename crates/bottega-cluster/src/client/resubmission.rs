@@ -22,7 +22,7 @@ impl JobBoard {
     /// the fields that differ from their defaults. Files are named without their folders.
     ///
     /// # Errors
-    /// The farm does not answer, or no longer has the job's specification.
+    /// The farm does not answer, or has no readable specification of the job.
     pub fn request_again(&self, job: &Job) -> Result<Value, Error> {
         let spec = self.spec(job)?;
         let request = without_places(&spec);

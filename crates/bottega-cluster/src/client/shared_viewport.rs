@@ -53,11 +53,11 @@ const WAITING_MAX: usize = 256;
 pub struct ViewportMachine {
     /// The name of its process.
     pub name: String,
-    /// Samples of pixels per second, over the last seconds.
+    /// Number of samples per second, summed over pixels, over the last 3 s.
     pub samples_per_second: f64,
-    /// Bytes per second that it sends, over the last seconds.
+    /// Bytes per second that it sends, over the last 3 s.
     pub bytes_per_second: f64,
-    /// The reason why it does not help.
+    /// The reason why it does not help; none: it helps.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refused: Option<String>,
 }
@@ -144,14 +144,15 @@ pub fn share_viewport(viewport: &Arc<Viewport>, board: &JobBoard) -> Result<Shar
 }
 
 impl SharedViewport {
-    /// Returns the machines that help, and those that cannot, by name.
+    /// Returns the machines that help, and those that cannot, in the order of their names.
     pub fn machines(&self) -> Vec<ViewportMachine> {
         let now = Instant::now();
         let state = self.share.state();
         state.helpers.iter().map(|(name, helper)| helper.view(name, now)).collect()
     }
 
-    /// Returns the reason why the scene cannot be sent, so that no machine helps; `None`: there is no such reason.
+    /// Returns the reason why the scene cannot be sent, so that no machine helps, as text for the user; `None`: there is no such
+    /// reason.
     pub fn problem(&self) -> Option<String> {
         self.share.state().problem.clone()
     }

@@ -18,7 +18,8 @@ use crate::{
 };
 
 impl JobBoard {
-    /// Returns the jobs that users may see here, by number.
+    /// Returns the jobs that users of this machine may see, with their numbers and in the order of these: all jobs, or at a guest
+    /// those that this machine works on or has worked on.
     pub fn shown_jobs(&self) -> Vec<(u32, Job)> {
         let jobs = self.all();
         if !self.uplink.is_guest() {
@@ -28,7 +29,7 @@ impl JobBoard {
         jobs.into_iter().filter(|(number, job)| self.is_work_of(*number, job, &own, &present)).collect()
     }
 
-    /// Returns a job, if users may see it here.
+    /// Returns a job, if users of this machine may see it.
     ///
     /// # Errors
     /// No job has that number, or this machine is a guest that has not worked on it.
@@ -43,7 +44,7 @@ impl JobBoard {
         ))
     }
 
-    /// Returns those of the machines that users may see here.
+    /// Returns those of `machines` that users of this machine may see: all, or at a guest only the processes of this machine.
     pub fn shown_machines(&self, mut machines: Vec<Presence>) -> Vec<Presence> {
         if self.uplink.is_guest() {
             let own = self.own_members();
@@ -52,7 +53,9 @@ impl JobBoard {
         machines
     }
 
-    /// Returns true if users may see the data of a machine here.
+    /// Returns true if users of this machine may see the data of a machine.
+    ///
+    /// - `machine`: its name, or that of one of its processes.
     pub fn shows_machine(&self, machine: &str) -> bool {
         !self.uplink.is_guest() || self.own_members().contains(machine_of(machine))
     }

@@ -43,7 +43,7 @@ use crate::{
 /// Interval between checks of a job that this process does not take part in.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 
-/// A job that this process submitted.
+/// A job that this process submitted. When it is dropped, this process leaves the farm.
 pub struct SubmittedJob {
     member: Member,
     /// The number of the job at the farm.
@@ -61,7 +61,7 @@ enum JobOutcome {
 
 /// The outcome of a picture on a farm.
 pub enum RenderOutcome {
-    /// This process led the job; the picture is complete and written.
+    /// This process led the job; the picture is written. It is incomplete if the user stopped early or zones failed.
     Local(Box<Picture>),
     /// Another machine led the job; the picture is written to this file.
     Remote(PathBuf),
@@ -73,12 +73,17 @@ pub struct FarmPicture {
     files: SceneFiles,
 }
 
-/// Renders a picture with the machines of a farm, and writes it to the output file of the request.
+/// Renders a picture with the machines of a farm, and writes it to the output file of the request. Returns its outcome.
 ///
-/// - `farm`: the address; none: the farm that runs on this machine.
+/// - `farm`: the address; `None`: the farm that runs on this machine.
+/// - `credentials`: for NATS servers of other operators.
+/// - `watcher`: receives the events of the work.
+/// - `stop`: ends the work: cancels the job, and writes the samples so far if this process led it.
 ///
 /// # Errors
-/// There is no such farm, the request cannot be rendered, or the picture cannot be written.
+/// There is no such farm, it does not admit this machine or admits it as a guest, the request cannot be rendered, the farm has
+/// no room for the scene, the job failed or was cancelled or removed, the user stopped before there was a picture, or the picture
+/// cannot be written.
 pub fn render(
     farm: Option<&FarmAddress>,
     credentials: &Credentials,
@@ -91,7 +96,7 @@ pub fn render(
 }
 
 impl FarmPicture {
-    /// Loads the scene of a request on this machine, and checks the request.
+    /// Loads the scene of a request on this machine, and checks the request. Returns the picture, to be rendered.
     ///
     /// # Errors
     /// The request cannot be rendered.
@@ -105,7 +110,7 @@ impl FarmPicture {
         self.session.settings().crop
     }
 
-    /// Renders the picture; see [`render`].
+    /// Renders the picture, and returns its outcome; see [`render`].
     ///
     /// # Errors
     /// Those of [`render`].
@@ -152,11 +157,12 @@ impl FarmPicture {
     }
 }
 
-/// Submits a picture to a farm and returns its job number, without waiting for it. Without an output file it is called
-/// `picture.exr`.
+/// Submits a picture to a farm, without waiting for it; parameters as for [`render`]. Returns the number of its job. Without an
+/// output file the picture is called `picture.exr`.
 ///
 /// # Errors
-/// As for [`render`].
+/// There is no such farm, it does not admit this machine or admits it as a guest, the request cannot be rendered, the farm has
+/// no room for the scene, or the user stopped while it was sent.
 pub fn submit(
     farm: Option<&FarmAddress>,
     credentials: &Credentials,

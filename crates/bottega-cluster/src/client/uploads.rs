@@ -81,18 +81,18 @@ pub struct UploadState {
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Submission {
-    /// The request, of the schema `/api/schema/request`. Its files are names of `files`.
+    /// The request, of the schema `/api/schema/request`. It names files as `files` does, or those of the job `files_of_job`.
     pub request: serde_json::Value,
     /// The digests of uploads, by the names that the request and its scene use: relative, with `/` between folders.
     #[serde(default)]
     pub files: BTreeMap<String, String>,
-    /// Instead of `files`: the number of a job whose files to use.
+    /// The number of a job whose files are used, in place of `files`; `null`: the files are those of `files`.
     #[serde(default)]
     pub files_of_job: Option<u32>,
 }
 
 impl JobBoard {
-    /// Registers a file to upload. Returns which of its pieces the farm lacks.
+    /// Registers a file to upload. Returns its state: the pieces that the farm lacks.
     ///
     /// # Errors
     /// The offer is inconsistent or too large, the farm has no room for it or does not answer, or this machine is a guest.
@@ -132,7 +132,8 @@ impl JobBoard {
     /// - `digest`: the BLAKE3 hash of the piece, 64 hexadecimal digits.
     ///
     /// # Errors
-    /// The piece is too large or does not match, the farm cannot store it, or this machine is a guest.
+    /// The piece is larger than [`PIECE_BYTES`] or does not match its digest, the farm does not answer or cannot store it, or
+    /// this machine is a guest.
     pub fn put_piece(&self, digest: &str, bytes: &[u8]) -> Result<(), Error> {
         self.refuse_guests()?;
         if !is_hash(digest) || bytes.len() > CHUNK_BYTES || hash_of(bytes) != digest {
@@ -155,8 +156,8 @@ impl JobBoard {
     /// - `cache`: where the scene is assembled, to check that it can be rendered.
     ///
     /// # Errors
-    /// The request or a name is invalid, a file was not uploaded, the scene cannot be rendered, this machine is a guest, or the
-    /// farm does not answer.
+    /// The request or a name is invalid, a file was not uploaded, the scene cannot be rendered, this machine is a guest, the
+    /// cache cannot be written, or the farm does not answer or has no room.
     pub fn submit_uploaded(
         &self,
         submission: Submission,
@@ -196,7 +197,7 @@ impl JobBoard {
         Ok(numbers)
     }
 
-    /// Returns a request with its files fetched to this machine, to inspect its scene before submitting.
+    /// Returns a request whose files are fetched into `cache`, with their paths there, to inspect its scene before submitting.
     ///
     /// # Errors
     /// As for [`Self::submit_uploaded`], except that the scene is not read.

@@ -34,7 +34,7 @@ impl Cache {
         Self { root, bytes_max }
     }
 
-    /// Returns the default cache of this user, of at most 20 GiB.
+    /// Returns the default cache of this user: the folder `cache` in Bottega's state folder, of at most 20 GiB.
     pub fn of_user() -> Self {
         Self::new(state_folder().join("cache"), CACHE_BYTES)
     }
@@ -44,7 +44,10 @@ impl Cache {
         &self.root
     }
 
-    /// Locks the cache against other processes of this machine until the result is dropped.
+    /// Locks the cache against other processes of this machine until the result is dropped. Waits while another one has the lock.
+    ///
+    /// # Errors
+    /// The lock file cannot be written.
     pub(crate) fn lock(&self) -> Result<fs::File, Error> {
         let path = self.root.join("lock");
         let write_error = |source| Error::write(path.clone(), source);

@@ -70,7 +70,12 @@ pub(crate) fn holds(path: &Path, contents: &Contents) -> bool {
     read.is_ok() && hasher.finalize().to_hex().as_str() == contents.hash
 }
 
-/// Fetches a file into the cache, unless it is there. `name`: the name of the file for error messages.
+/// Fetches a file into the cache, unless it is there.
+///
+/// - `name`: the name of the file for error messages.
+///
+/// # Errors
+/// The store does not answer, a chunk is missing or has another digest, or the cache cannot be read or written.
 pub(crate) fn fetch(name: &str, contents: &Contents, cache: &Cache, store: &dyn ChunkStore) -> Result<(), Error> {
     let other = || {
         Error::failed(
@@ -115,7 +120,7 @@ pub(crate) fn fetch(name: &str, contents: &Contents, cache: &Cache, store: &dyn 
     if is_whole { Ok(()) } else { Err(other()) }
 }
 
-/// Calls `work` for each number below `count`, several in parallel, until one fails.
+/// Calls `work` for each number below `count`, several in parallel, until one fails. Returns the first failure.
 pub(crate) fn several(count: usize, work: &(dyn Fn(usize) -> Result<(), Error> + Sync)) -> Result<(), Error> {
     let (next, failure) = (AtomicUsize::new(0), Mutex::new(None));
     thread::scope(|scope| {

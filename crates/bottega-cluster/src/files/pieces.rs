@@ -18,9 +18,9 @@ use crate::{
     files::chunks::{CHUNK_BYTES, ChunkStore, Contents, PREFIX, blob_name, hash_of, several},
 };
 
-/// The smallest and the mean size of the chunks of a file, in bytes. Smaller ones find more that is unchanged, and each costs a
-/// request.
+/// The smallest size of the chunks of a file, in bytes.
 const CUT_MIN: usize = 256 << 10;
+/// The mean size of the chunks of a file, in bytes. Smaller chunks find more that is unchanged, but each costs a request.
 const CUT_MEAN: usize = 1 << 20;
 
 /// A chunk of a file on disk.

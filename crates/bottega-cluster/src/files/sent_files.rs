@@ -39,7 +39,10 @@ pub struct SentFiles {
 }
 
 impl SentFiles {
-    /// Reads the files. Returns them with the chunks to send.
+    /// Reads the files. Returns their names and digests, and the chunks to send.
+    ///
+    /// # Errors
+    /// A file cannot be read, or the scene refers to one by an absolute path.
     pub(crate) fn read(scene: &Path, files: &[SceneFile], environment: Option<&Path>) -> Result<(Self, Pieces), Error> {
         let mut pieces = Pieces::default();
         let mut add = |name: String, path: &Path| Ok::<_, Error>(SentFile { name, contents: pieces.add(path)? });
@@ -75,7 +78,8 @@ impl SentFiles {
     /// map is a file of the scene, or there is none.
     ///
     /// # Errors
-    /// The list of files is invalid, a file is not on the farm or has another digest, or the cache cannot be written.
+    /// The farm does not answer, the list of files is invalid, a file is not on the farm or has another digest, or the cache
+    /// cannot be written.
     pub fn fetch(&self, cache: &Cache, store: &NatsBlobs) -> Result<(PathBuf, Option<PathBuf>), Error> {
         if self.files.is_empty() || self.files.len() > FILES_MAX {
             return Err(Error::failed(
@@ -132,7 +136,8 @@ impl SentFiles {
         self.environment.as_ref().map(|file| &*file.name)
     }
 
-    /// Returns the files with another environment map: the one of the same file name, or none. `None`: there is no such file.
+    /// Returns the files with `light` as environment map: the file of the same name among them; without an environment map if
+    /// `light` is `None`. `None`: no file has that name.
     pub(crate) fn lit_by(self, light: Option<&Path>) -> Option<Self> {
         let environment = match light {
             Some(light) => {
@@ -161,6 +166,9 @@ fn leading_out(name: &str) -> usize {
 
 impl SentFile {
     /// Returns the path of the file, which is always below `root`.
+    ///
+    /// # Errors
+    /// Its name leads out of `root`.
     fn below(&self, root: &Path, folder: &Path) -> Result<PathBuf, Error> {
         let mut path = folder.to_owned();
         for part in Path::new(&self.name).components() {

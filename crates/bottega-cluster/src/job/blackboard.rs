@@ -29,16 +29,16 @@ pub enum RowUpdate {
     Row(Box<Event>),
     /// All existing rows have been reported.
     CaughtUp,
-    /// Nothing that concerns these rows, or no change for some time.
+    /// No change of these rows for some seconds, or a change of something else; sent so that the observer can stop.
     Nothing,
 }
 
 impl JobBoard {
-    /// Reports all rows of a job, and then each change, until `tell` returns `false`. For a job that is over, reports the stored
-    /// rows and returns.
+    /// Reports all rows of a job, and then each change, until `tell` returns `false`; a server that does not answer gives
+    /// [`RowUpdate::Nothing`] every few seconds. For a job that is over, reports the stored rows, if there are any, and returns.
     ///
     /// # Errors
-    /// The farm does not answer.
+    /// The job is over, and the farm does not return its stored rows.
     pub fn watch_rows(&self, job: &Job, mut tell: impl FnMut(RowUpdate) -> bool) -> Result<(), Error> {
         if job.state.is_over() {
             let rows = self.kept_rows(job)?;
@@ -56,10 +56,11 @@ impl JobBoard {
         Ok(())
     }
 
-    /// Returns all rows of a job's Blackboard: an [`Event::Zone`] or an [`Event::Agent`] each.
+    /// Returns all rows of a job's Blackboard: an [`Event::Zone`] or an [`Event::Agent`] each. For a job that is over, these are
+    /// the rows stored at its end; empty if none are stored.
     ///
     /// # Errors
-    /// The farm does not answer.
+    /// The farm does not answer, or does not deliver all rows within 10 s.
     pub fn rows(&self, job: &Job) -> Result<Vec<Event>, Error> {
         let mut rows = Vec::new();
         let (begun, mut is_whole) = (Instant::now(), false);
@@ -80,7 +81,7 @@ impl JobBoard {
     /// Returns the zone rows of a job while it is rendered.
     ///
     /// # Errors
-    /// The farm does not answer.
+    /// The farm does not deliver all rows within 10 s.
     pub(crate) fn zone_rows(&self, job: &Job) -> Result<Vec<Arc<ZoneRow>>, Error> {
         let mut rows = Vec::new();
         let (begun, mut is_whole) = (Instant::now(), false);

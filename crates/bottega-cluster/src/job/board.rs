@@ -3,7 +3,8 @@
 //! - `job/N`: the job, changed by compare-and-set, so that no change is lost.
 //! - `lead/N`: its leader and progress. The leader renews it; if it does not, the first process that claims the lead gets it.
 //! - `page/PLATFORM/…`: the white and yellow pages: see [`directories`](crate::agents::directories).
-//! - `presence/MEMBER/NAME`: the presence of a machine, and its current job; commands to it: see [`machine`](crate::job::machines).
+//! - `presence/MEMBER/NAME`: the presence of a process of a machine, and its current job.
+//! - `order/NAME`: the last command to it: see [`machines`](crate::job::machines).
 
 use std::{collections::BTreeMap, sync::Arc, thread, time::Duration};
 
@@ -29,8 +30,9 @@ const LEADER_SILENT: Duration = Duration::from_millis(2500);
 pub(crate) const PRESENCE_SILENT_AFTER: Duration = Duration::from_secs(3);
 /// The most processes of one machine that count.
 const PROCESSES_MAX: usize = 64;
-/// The largest job spec, and the largest picture, in bytes.
+/// The largest specification of a job, in bytes.
 const ORDER_BYTES_MAX: usize = 1 << 28;
+/// The largest picture of a job, in bytes.
 const PICTURE_BYTES_MAX: usize = 1 << 32;
 /// The largest data that an engine may share about a picture, in bytes.
 const LEARNT_BYTES_MAX: usize = 1 << 28;
@@ -41,12 +43,12 @@ const BETWEEN_TRIES: Duration = Duration::from_millis(20);
 /// The leader of a job, and its progress.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Lead {
-    /// The process that leads; `None`: the leader has stepped down.
+    /// The name of the process that leads; `None`: the leader has stepped down, or has not renewed its lead for 2.5 s.
     pub leader: Option<String>,
-    /// The number of the painting that the progress is about.
+    /// The number of the painting that the progress is about, as in [`Job::work`].
     #[serde(default)]
     pub work: u64,
-    /// Predicted share of the total cost that is done, in 0..=1.
+    /// Share of the predicted cost of the picture that is done, in 0..=1.
     pub done: f64,
     /// Number of zones painted.
     pub zones_done: usize,
@@ -95,12 +97,12 @@ pub struct JobBoard {
 }
 
 impl JobBoard {
-    /// Stores a job. Returns its number.
+    /// Stores a job. Returns its number, which no other job of the farm has or had.
     ///
     /// - `order`: the specification of the job.
     ///
     /// # Errors
-    /// The farm does not store the job, or too many other processes submit jobs at the same time.
+    /// The farm does not answer or does not store the job, or too many other processes submit jobs at the same time.
     pub fn submit(&self, job: &Job, order: &JobSpec) -> Result<u32, Error> {
         self.uplink.blobs().put(&order_blob(job.origin), &text(order)).map_err(Error::Blob)?;
         let first = self.first_unused()?;
@@ -135,7 +137,7 @@ impl JobBoard {
         job_link(Arc::clone(&self.uplink), WorkId(work), None, String::new()).forget();
     }
 
-    /// Returns all jobs, in the order of their numbers.
+    /// Returns all jobs with their numbers, in the order of these; without those whose record cannot be read.
     pub fn all(&self) -> Vec<(u32, Job)> {
         let notices = self.uplink.notices().all("job/");
         let read = notices.iter().filter_map(|notice| Some((number_of(&notice.name)?, read(notice)?)));
@@ -144,7 +146,7 @@ impl JobBoard {
         all
     }
 
-    /// Returns a job; `None`: no job has that number.
+    /// Returns a job; `None`: no job has that number, or its record cannot be read.
     pub fn get(&self, number: u32) -> Option<Job> {
         self.uplink.notices().get(&job_name(number)).and_then(|notice| read(&notice))
     }
@@ -153,7 +155,8 @@ impl JobBoard {
     /// `change` returns `false`. Returns the job as stored.
     ///
     /// # Errors
-    /// There is no such job, this machine is a guest, or the farm does not store the change.
+    /// There is no such job, its record cannot be read, this machine is a guest, the farm does not store the change, or other
+    /// processes changed the job at every attempt.
     pub fn change(&self, number: u32, change: impl Fn(&mut Job) -> bool) -> Result<Job, Error> {
         let notices = self.uplink.notices();
         self.refuse_guests()?;
@@ -184,7 +187,7 @@ impl JobBoard {
         ))
     }
 
-    /// Writes a line into a job's log. Failures are only logged.
+    /// Writes a line into a job's log; on a guest, does nothing. Failures are only logged.
     pub fn log(&self, number: u32, line: &str) {
         if self.uplink.is_guest() {
             return;
@@ -214,7 +217,8 @@ impl JobBoard {
         self.uplink.blobs().get(&learnt_blob(work), LEARNT_BYTES_MAX).map_err(Error::Blob)
     }
 
-    /// Shares the data that an engine has learnt of a picture with the engines of other machines. Failures only cost time, so they are only logged.
+    /// Shares the data that an engine has learnt of a picture with the engines of other machines. Failures only cost time, so
+    /// they are only logged.
     pub(crate) fn teach(&self, work: u64, bytes: &[u8]) {
         let name = learnt_blob(work);
         let is_stored = self.uplink.blobs().has(&name);
@@ -225,10 +229,10 @@ impl JobBoard {
         }
     }
 
-    /// Returns the importance map of a job's picture as a PNG file; `None`: its leader has not stored it.
+    /// Returns the importance map of a job's picture, as the bytes of a PNG file; `None`: its leader has not stored it.
     ///
     /// # Errors
-    /// The farm does not answer.
+    /// The farm does not answer, or the stored map is damaged.
     pub fn importance(&self, job: &Job) -> Result<Option<Vec<u8>>, Error> {
         self.uplink.blobs().get(&importance_blob(job.work), LEARNT_BYTES_MAX).map_err(Error::Blob)
     }
@@ -257,7 +261,7 @@ impl JobBoard {
     /// `None`: the farm does not have it.
     ///
     /// # Errors
-    /// The farm does not answer, or the picture is too large.
+    /// The farm does not answer, or the stored picture is damaged or larger than 4 GiB.
     pub fn picture(&self, job: &Job) -> Result<Option<Vec<u8>>, Error> {
         self.uplink.blobs().get(&picture_blob(job.origin), PICTURE_BYTES_MAX).map_err(Error::Blob)
     }
@@ -267,7 +271,8 @@ impl JobBoard {
         name == order_blob(job.origin) || name == picture_blob(job.origin)
     }
 
-    /// Returns the leader and progress of a job; `None`: no process leads it.
+    /// Returns the leader and progress of a job; [`Lead::leader`] is `None` if no process leads it now. `None`: no process has
+    /// led it yet, or its record cannot be read.
     pub fn lead(&self, number: u32) -> Option<Lead> {
         let notice = self.uplink.notices().get(&lead_name(number))?;
         let lead: Lead = read(&notice)?;
@@ -275,7 +280,7 @@ impl JobBoard {
         Some(Lead { leader, ..lead })
     }
 
-    /// Claims the lead of a job. `None`: another process has it, or this machine is a guest.
+    /// Claims the lead of a job. Returns the lease; `None`: another process has the lead, or this machine is a guest.
     ///
     /// - `work`: the number of the job's painting.
     /// - `me`: the name of this process.
@@ -299,11 +304,11 @@ impl JobBoard {
         Ok(taken.map(|revision| Lease { number, revision }))
     }
 
-    /// Renews a lease. Returns false if another process has it now. While `lead` has no zones yet, the progress that the previous
-    /// leader reported stays.
+    /// Renews a lease, and publishes the progress `lead`. Returns false if another process has the lease now. While `lead` has no
+    /// zones yet, the progress that the previous leader reported stays.
     ///
     /// # Errors
-    /// The server does not answer.
+    /// The server does not confirm the renewal; whether it stored it is then unknown.
     pub fn renew(&self, lease: &mut Lease, lead: &Lead) -> Result<bool, BlobError> {
         let before = self.uplink.notices().get(&lead_name(lease.number));
         let lead = &lead.clone().or_as_before(before.as_ref().and_then(read));
@@ -323,12 +328,13 @@ impl JobBoard {
         Ok(true)
     }
 
-    /// Returns the machines that are present.
+    /// Returns the processes that are present: those that have renewed their presence within 3 s, at most 64 of each machine.
+    /// For 3 s after a connection, they include processes that stopped earlier: see [`Self::present`].
     pub fn presences(&self) -> Vec<Presence> {
         self.presences_with_revision().into_iter().map(|(presence, _)| presence).collect()
     }
 
-    /// Returns the machines that are present, with the revision of each one's notice.
+    /// Returns the processes that are present, with the revision of each one's notice: see [`Self::presences`].
     pub(crate) fn presences_with_revision(&self) -> Vec<(Presence, u64)> {
         let notices = self.uplink.notices().all("presence/");
         let current = notices.iter().filter(|notice| notice.unchanged < PRESENCE_SILENT_AFTER);
@@ -343,16 +349,16 @@ impl JobBoard {
         own.map(|(presence, notice)| (presence, notice.revision)).collect()
     }
 
-    /// Announces that a machine is present. A failure is only logged.
+    /// Announces that a process is present, or renews its presence. A failure is only logged.
     pub fn attend(&self, presence: &Presence) {
         if let Err(error) = self.uplink.notices().put(&presence_name(&presence.name), &text(presence)) {
             tracing::debug!(%error, "the farm does not answer");
         }
     }
 
-    /// Removes the presence of a machine and the commands to it. A failure is only logged.
+    /// Removes the presence of a process and the command to it. A failure is only logged.
     ///
-    /// - `name`: the name of its process.
+    /// - `name`: the name of the process.
     pub fn leave(&self, name: &str) {
         let order = order_name(name);
         let has_order = !self.uplink.is_guest() && self.uplink.notices().get(&order).is_some();
@@ -404,12 +410,12 @@ pub(crate) fn lead_name(number: u32) -> String {
     format!("lead/{number}")
 }
 
-/// Returns the notice of a process's presence; the server lets each member write only its own.
+/// Returns the name of the notice of a process's presence; the server lets each member write only its own.
 fn presence_name(process: &str) -> String {
     format!("presence/{}/{process}", machine_of(process))
 }
 
-/// Returns the notice of the commands to a machine.
+/// Returns the name of the notice with the command to a machine.
 pub(crate) fn order_name(machine: &str) -> String {
     format!("order/{machine}")
 }

@@ -42,7 +42,7 @@ pub struct Tariff {
 /// The energy that a machine has used for a job. Unknown values are left out.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct MachineEnergy {
-    /// The name of the process.
+    /// The name of the process on that machine.
     pub machine: String,
     /// Processor time in seconds.
     pub processor_seconds: f64,
@@ -52,7 +52,8 @@ pub struct MachineEnergy {
     /// The cost of that energy, in the currency of the job.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cost: Option<f64>,
-    /// The source of the energy value: the processors' `counters`, or a declared number of `watts`.
+    /// The source of the energy value: the processors' `counters`, or a declared number of `watts`; missing if the energy is
+    /// unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub source: Option<EnergySource>,
 }
@@ -64,7 +65,7 @@ pub struct ZoneEnergy {
     pub id: u32,
     /// Energy in kWh.
     pub kwh: f64,
-    /// The cost of that energy, in the currency of the job.
+    /// The cost of that energy, in the currency of the job; missing if the farm has no price of energy.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cost: Option<f64>,
 }
@@ -74,16 +75,16 @@ pub struct ZoneEnergy {
 pub struct JobEnergy {
     /// Processor time of all machines, in seconds.
     pub processor_seconds: f64,
-    /// Energy in kWh of the machines for which it is known.
+    /// Energy in kWh of the machines for which it is known; missing if it is known for none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kwh: Option<f64>,
-    /// The cost of that energy.
+    /// The cost of that energy; missing if the energy or its price is unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cost: Option<f64>,
-    /// The currency of all costs.
+    /// The currency of all costs; missing if the farm has no price of energy.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub currency: Option<String>,
-    /// The price per kWh.
+    /// The price per kWh; missing if the farm has none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub price_per_kwh: Option<f64>,
     /// `true`: the energy of some machines is unknown, so `kwh` is too low.
@@ -95,7 +96,7 @@ pub struct JobEnergy {
 }
 
 impl JobEnergy {
-    /// Computes the energy use of a job.
+    /// Returns the energy use of a job, by machine and by zone.
     ///
     /// - `usages`: the usage that each process reports, by its name.
     /// - `rows`: the Blackboard rows of the job.
@@ -165,7 +166,7 @@ fn zones(machines: &[MachineEnergy], rows: &[Event], cost: &impl Fn(f64) -> Opti
 }
 
 impl JobBoard {
-    /// Returns the energy settings of the farm; empty ones if none are set.
+    /// Returns the energy settings of the farm; empty ones if none are set or they cannot be read.
     pub fn tariff(&self) -> Tariff {
         self.read_notice(TARIFF).unwrap_or_default()
     }
@@ -173,15 +174,16 @@ impl JobBoard {
     /// Sets the price of energy, and the power of machines that neither measure nor declare their own.
     ///
     /// # Errors
-    /// The farm does not answer.
+    /// The farm does not store them.
     pub fn set_tariff(&self, tariff: &Tariff) -> Result<(), Error> {
         self.put_notice(TARIFF, tariff)
     }
 
-    /// Computes the energy use of a job so far.
+    /// Returns the energy use of a job so far, from the usage that its leader has published; without machines and zones if it has
+    /// published none.
     ///
     /// # Errors
-    /// The farm does not answer.
+    /// The farm does not return the rows of the job.
     pub fn energy(&self, number: u32, job: &Job, tariff: &Tariff) -> Result<JobEnergy, Error> {
         let usages = self.society(number).unwrap_or_default().usages;
         if usages.is_empty() {

@@ -2,8 +2,8 @@
 //!
 //! - `experience/MACHINE`: written by the leader of each job that the machine worked on. Each machine has its own and is
 //!   judged by it alone.
-//! - `experience-of-farm`: what all machines together have taught, in time of the reference machine. It predicts pictures of which
-//!   a machine itself has painted only some zones, and is the start for one that has learned nothing.
+//! - `experience-of-farm`: what all machines together have taught, in time of the reference machine. It predicts the times of
+//!   pictures and techniques that a machine does not know itself.
 
 use std::{collections::BTreeMap, sync::Arc};
 
@@ -17,11 +17,12 @@ use crate::{error::Error, job::board::JobBoard};
 const EXPERIENCE: &str = "experience/";
 /// The notice with the experience of all machines together.
 const OF_FARM: &str = "experience-of-farm";
-/// The name, in place of a machine's, of the experience of all machines together.
+/// The name that stands for all machines together where [`JobBoard::experience`] takes the name of a machine.
 pub const ALL_MACHINES: &str = "all-machines";
 
 impl JobBoard {
-    /// Returns the experience of a machine, by its name; empty if there is none or it cannot be read.
+    /// Returns the experience of a machine, by its name, or of all together ([`ALL_MACHINES`]); empty if there is none or it
+    /// cannot be read.
     pub fn experience(&self, machine: &str) -> Experience {
         let notice = self.uplink.notices().get(&name_of(machine));
         let read = notice.map(|notice| Experience::from_json(&String::from_utf8_lossy(&notice.text)));
@@ -34,8 +35,8 @@ impl JobBoard {
             .unwrap_or_default()
     }
 
-    /// Returns the experience of all machines together, in time of the reference machine: the start for a machine that has
-    /// learned nothing.
+    /// Returns what all machines have learned together, with times of the reference machine; empty if there is none or it
+    /// cannot be read. It predicts the times of pictures and techniques that a machine does not know itself.
     pub fn experience_of_farm(&self) -> Experience {
         self.experience(ALL_MACHINES)
     }
@@ -46,7 +47,7 @@ impl JobBoard {
         Arc::new(if at_farm.is_empty() { bottega::experience::read().0 } else { at_farm })
     }
 
-    /// Returns the names of the machines with stored experience.
+    /// Returns the names of the machines with stored experience, in alphabetical order.
     pub fn experienced(&self) -> Vec<String> {
         let notices = self.uplink.notices().all(EXPERIENCE);
         notices.iter().filter_map(|notice| notice.name.strip_prefix(EXPERIENCE).map(str::to_owned)).collect()
@@ -79,10 +80,11 @@ impl JobBoard {
         }
     }
 
-    /// Deletes the experience and the credit of a machine. Returns `true` if there were any.
+    /// Deletes the experience and the credit of a machine, by its name, or the experience of all together ([`ALL_MACHINES`]).
+    /// Returns `true` if there were any.
     ///
     /// # Errors
-    /// The farm does not answer.
+    /// The farm does not confirm the deletion.
     pub fn forget_machine(&self, machine: &str) -> Result<bool, Error> {
         let mut found = false;
         for name in [name_of(machine), crate::job::society::credit_name(machine)] {
@@ -93,12 +95,12 @@ impl JobBoard {
     }
 }
 
-/// Returns the notice with the experience of a machine, or of all of them.
+/// Returns the name of the notice with the experience of a machine, or of all together ([`ALL_MACHINES`]).
 fn name_of(machine: &str) -> String {
     if machine == ALL_MACHINES { OF_FARM.to_owned() } else { format!("{EXPERIENCE}{machine}") }
 }
 
-/// Returns the lessons of a job as a line of its log; `None`: there are none.
+/// Returns the lessons of a job as a line of its log; `None`: there are none, or no forecast to compare them with.
 pub(crate) fn taught(report: &JobReport) -> Option<String> {
     let zones = |(machine, lesson): (&String, &JobLesson)| format!("{machine} {}", lesson.zones.len());
     let machines: Vec<String> = report.lessons.iter().map(zones).collect();

@@ -77,7 +77,7 @@ impl FirstLook {
 }
 
 impl JobBoard {
-    /// Returns the first look of a job; `None`: its leader has not stored one.
+    /// Returns the first look of a job; `None`: its leader has not stored one, or it is invalid.
     ///
     /// # Errors
     /// The farm does not answer.

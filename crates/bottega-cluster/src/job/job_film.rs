@@ -25,11 +25,11 @@ pub struct JobFilm {
 }
 
 impl JobFilm {
-    /// Fetches the pixels of the zones finished since the last call. Returns the film of all of them; `None`: no zone is
-    /// finished.
+    /// Fetches the pixels of the zones finished since the last call, at most 256; the others follow at the next calls. Returns
+    /// the film of all zones fetched so far; `None`: there are none.
     ///
     /// # Errors
-    /// The farm does not answer.
+    /// The farm does not deliver the rows of the zones within 10 s.
     pub fn renew(&mut self, board: &JobBoard, job: &Job) -> Result<Option<&Film>, Error> {
         let rows = board.zone_rows(job)?;
         let frame = rows.iter().map(|row| row.rect).reduce(around);

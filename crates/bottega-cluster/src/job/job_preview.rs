@@ -35,18 +35,19 @@ impl JobPreview {
     /// Returns an empty preview with the exposure and tone mapping of a job.
     ///
     /// # Errors
-    /// The farm does not answer, or does not have the job's specification.
+    /// The farm does not answer, or has no readable specification of the job.
     pub fn new(board: &JobBoard, job: &Job) -> Result<Self, Error> {
         let output = board.spec(job)?.request.output;
         let (exposure, tone) = (output.exposure, tone(output.tonemap));
         Ok(Self { exposure, tone, canvas: None, shown: ZonePixels::default(), png: None, is_final: None })
     }
 
-    /// Returns the current preview as the bytes of a PNG file; while a job is rendered again, its previous picture until
-    /// the new one is complete. `None`: nothing is rendered yet, or the farm does not store the picture of a finished job.
+    /// Returns the current preview as the bytes of a PNG file. Of a finished job it is the picture, or, if the farm does not
+    /// store that, the last preview fetched before; while a job is rendered again, its previous picture until the new one is
+    /// complete. `None`: there is nothing to show yet.
     ///
     /// # Errors
-    /// The farm does not answer, or the picture is too large to show.
+    /// The farm does not answer, or the picture is too large to show or cannot be read.
     pub fn renew(&mut self, board: &JobBoard, job: &Job) -> Result<Option<Vec<u8>>, Error> {
         let is_whole = job.state.is_over() || job.kept;
         let shown = Some((job.work, job.state.is_over()));

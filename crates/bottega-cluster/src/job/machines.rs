@@ -1,6 +1,7 @@
 //! The machines of a farm: which are present, and commands to them.
 //!
-//! - `order/NAME`: the command to a machine, which obeys and shows its state in its presence (see [`worker`](crate::machine::worker)).
+//! - `order/NAME`: the command to a machine, which obeys and shows its state in its presence: see
+//!   [`worker`](crate::machine::worker).
 
 use std::{
     collections::BTreeMap,
@@ -40,7 +41,8 @@ pub struct Roster {
 }
 
 impl Roster {
-    /// Takes the current presences with their revisions. Returns those that are live.
+    /// Takes the current presences, each with its revision. Returns those that are live: renewed since the call that saw them
+    /// first. The first call returns none.
     pub fn look(&mut self, presences: Vec<(Presence, u64)>) -> Vec<Presence> {
         let mut first = BTreeMap::new();
         let mut live = Vec::new();
@@ -62,7 +64,7 @@ impl Roster {
 }
 
 impl JobBoard {
-    /// Returns the command to a machine; without one, the command to work.
+    /// Returns the last command to a machine; without a readable one, the command to work.
     ///
     /// - `machine`: the name of its process.
     pub fn order_to(&self, machine: &str) -> MachineOrder {
@@ -80,8 +82,8 @@ impl JobBoard {
         self.put_notice(&order_name(machine), order)
     }
 
-    /// Returns the live machines, for a process that just connected and cannot know how old a presence is. Waits up to 1.5 s for
-    /// machines to renew their presences.
+    /// Returns the live machines. Waits up to 1.5 s for machines to renew their presences, because a process that just connected
+    /// cannot know how old a presence is.
     pub fn present(&self) -> Vec<Presence> {
         let mut roster = Roster::default();
         let begun = Instant::now();

@@ -48,14 +48,14 @@ pub struct MessageEvent {
     pub receivers: Vec<String>,
     /// The FIPA ACL performative: `cfp`, `propose`, `inform`, …
     pub performative: String,
-    /// The interaction protocol.
+    /// The name of the FIPA interaction protocol, such as `fipa-contract-net`.
     pub protocol: String,
     /// The identifier of the message's conversation.
     pub conversation: String,
-    /// The zones that the message is about.
+    /// The identifiers of the zones that the message is about (IdZone).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub zones: Vec<u32>,
-    /// The content as text, truncated if it is long.
+    /// The content as text; a longer one is truncated after 2000 characters and ends with ` …`.
     pub content: String,
 }
 
@@ -77,7 +77,7 @@ impl MessageEvent {
     }
 }
 
-/// Returns the content of a message as text; messages to and from the directories are in FIPA SL.
+/// Returns the content of a message as text: in FIPA SL if it is for or from a directory, otherwise as Rust's `Debug` prints it.
 pub fn content_text(message: &FarmMessage) -> String {
     let FarmContent::Management(content) = &message.content else { return format!("{:?}", message.content) };
     // Actions are performed by the directory service, not by its client.
@@ -106,7 +106,7 @@ fn zones(content: &FarmContent) -> Vec<u32> {
 /// Some messages of a job, in the order they were recorded.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SeenMessages {
-    /// The index of the first message.
+    /// The index of the first message, from 0, among all recorded messages of the job.
     pub first: u64,
     /// The messages, oldest first.
     pub messages: Vec<MessageEvent>,
@@ -208,10 +208,10 @@ impl MessageRecorder {
 }
 
 impl JobBoard {
-    /// Announces for some seconds that an observer watches the messages of a job.
+    /// Announces that an observer watches the messages of a job. Without another call, the announcement counts for 6 s.
     ///
     /// # Errors
-    /// The farm does not answer.
+    /// The farm does not store the announcement.
     pub fn watch_messages(&self, number: u32) -> Result<(), Error> {
         self.put_notice(&watch_name(number), &true)
     }
@@ -228,12 +228,13 @@ impl JobBoard {
         }
     }
 
-    /// Returns a piece of a job's recorded messages; `None`: it does not exist yet.
+    /// Returns a piece of a job's recorded messages; without messages if it cannot be read. `None`: it does not exist yet. In
+    /// each piece [`SeenMessages::first`] is 0.
     ///
     /// - `piece`: the index of the piece, from 0.
     ///
     /// # Errors
-    /// The farm does not answer.
+    /// The farm does not answer, or the stored piece is damaged.
     pub fn messages(&self, job: &Job, piece: usize) -> Result<Option<SeenMessages>, Error> {
         let bytes = self.uplink.blobs().get(&piece_blob(job.work, piece), PIECE_BYTES_MAX).map_err(Error::Blob)?;
         Ok(bytes.map(|bytes| serde_json::from_slice(&bytes).unwrap_or_default()))

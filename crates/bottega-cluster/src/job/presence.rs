@@ -47,14 +47,14 @@ pub struct Refusal {
 pub struct Presence {
     /// The name of the process.
     pub name: String,
-    /// The number of the process's threads.
+    /// The number of threads with which the process renders.
     pub threads: usize,
     /// The machine's other devices: names of GPUs, addresses of boards.
     #[serde(default)]
     pub devices: Vec<String>,
     /// The identity of the process's build.
     pub version: String,
-    /// The job that the process works on; none: it waits for one.
+    /// The number of the job that the process works on; `None`: it waits for one.
     pub job: Option<u32>,
     /// The actual state of the process, which follows the command to it.
     pub standing: PresenceState,
@@ -72,7 +72,7 @@ pub struct Presence {
     /// The machine's tags, which jobs can require.
     #[serde(default)]
     pub tags: Vec<String>,
-    /// The machine's last refusals of jobs.
+    /// The machine's last refusals, at most 16, in the order of the jobs' numbers.
     #[serde(default)]
     pub refusals: Vec<Refusal>,
     /// The resources that the process has used for its last jobs.
@@ -81,11 +81,12 @@ pub struct Presence {
 }
 
 impl Presence {
-    /// Returns the presence of a machine of this build.
+    /// Returns the presence of an active machine of this build that waits for work and obeys commands, without further devices,
+    /// tags, refusals and usages.
     ///
     /// - `name`: the name of its process.
-    /// - `threads`: number of its threads.
-    /// - `job`: the job that it works on; `None`: it waits for one.
+    /// - `threads`: number of threads with which it renders.
+    /// - `job`: the number of the job that it works on; `None`: it waits for one.
     pub fn new(name: &str, threads: usize, job: Option<u32>) -> Self {
         Self {
             name: name.to_owned(),

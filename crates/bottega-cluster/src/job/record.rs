@@ -26,7 +26,7 @@ pub enum JobState {
     Paused,
     /// The picture is complete.
     Done,
-    /// The job cannot be rendered.
+    /// The job cannot be rendered, or some of its zones cannot.
     Failed {
         /// The cause, for display.
         reason: String,
@@ -53,7 +53,7 @@ impl JobState {
     }
 }
 
-/// The position of a job in an animation: which frame it renders.
+/// The position of a job in an animation: the frame that it renders.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct AnimationFrame {
     /// The identifier of the animation: the same for all its frames, and for no other job.
@@ -150,9 +150,9 @@ pub struct JobSpec {
     /// The request. Its rules are inline text; its files are those of `files`, whatever paths it names.
     #[serde(with = "request_json")]
     pub request: Request,
-    /// The files of the scene.
+    /// The names and digests of the files of the scene, and of its environment map.
     pub files: SentFiles,
-    /// The external engine that renders it, which each machine must have; none: the built-in engine.
+    /// The name of the external engine that renders it, which each machine must have; `None`: the built-in engine.
     #[serde(default)]
     pub engine: Option<String>,
     /// The name of the picture in the submitter's journal, if there is one.
@@ -237,7 +237,7 @@ impl JobSpec {
     }
 }
 
-/// Returns the current time in seconds since 1970.
+/// Returns the current time in seconds since 1970, by the clock of this machine; 0 if that shows an earlier time.
 pub fn unix_seconds() -> u64 {
     crate::clock::since_1970().as_secs()
 }

@@ -42,7 +42,8 @@ impl Refusals {
 pub struct RefusalWatch(BTreeSet<(String, u64)>);
 
 impl RefusalWatch {
-    /// Returns the refusals that were not reported before, each with its machine.
+    /// Returns the refusals that were not reported before, each with its machine and with its reason as one line of at most 400
+    /// characters. Of each machine, only the first 16 refusals are read.
     ///
     /// - `machines`: the machines that are present.
     /// - `is_wanted`: selects paintings by their numbers.

@@ -44,17 +44,17 @@ pub struct JobRules {
 pub struct ZoneRules {
     /// The identifier of the zone (IdZone).
     pub zone: u32,
-    /// The rules that decided the parameters of its painting, as its agent reported them.
+    /// The rules that decided the parameters of its painting, as its agent reported them. `null`: it has reported none.
     pub reasons: Option<String>,
-    /// The verdict of each set on the zone's current row. Empty: optimization is off.
+    /// The verdict of each set on the zone's current row. Empty: optimization is off, or the rules' inputs are not known yet.
     pub verdicts: Vec<RuleVerdict>,
 }
 
 impl JobBoard {
-    /// Returns the rules of a job.
+    /// Returns the rules of a job: the built-in ones if it names none.
     ///
     /// # Errors
-    /// The farm does not answer, or the rules cannot be read.
+    /// The farm does not answer, or the specification of the job or its rules cannot be read.
     pub fn rules(&self, job: &Job) -> Result<JobRules, Error> {
         let inputs = self.rule_inputs(job)?;
         let texts = self.rule_texts(job)?;
@@ -65,7 +65,7 @@ impl JobBoard {
     /// Returns the verdict of a job's rules on a zone. `None`: there is no such zone.
     ///
     /// # Errors
-    /// The farm does not answer, or the rules cannot be read.
+    /// The farm does not answer, or the specification of the job or its rules cannot be read.
     pub fn zone_rules(&self, job: &Job, zone: u32) -> Result<Option<ZoneRules>, Error> {
         let rows = self.rows(job)?;
         let found = rows.into_iter().find_map(|row| match row {

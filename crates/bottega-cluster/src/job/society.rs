@@ -23,7 +23,7 @@ const AGENTS_MAX: usize = 256;
 pub struct Society {
     /// The totals over all rounds of the auction.
     pub auction: AuctionTally,
-    /// The agents, by name.
+    /// The agents, in the order of their names; at most 256.
     pub agents: Vec<AgentEvent>,
     /// The usage of each process for the job, by its name.
     #[serde(default)]
@@ -119,12 +119,13 @@ impl SeenSociety {
 }
 
 impl JobBoard {
-    /// Returns the agents of a job and the result of its auction; `None`: its leader has not published them.
+    /// Returns the agents of a job and the result of its auction; `None`: its leader has not published them, or they cannot be
+    /// read.
     pub fn society(&self, number: u32) -> Option<Society> {
         self.read_notice(&society_name(number))
     }
 
-    /// Returns the credit of machines from earlier jobs, by machine.
+    /// Returns the credit of machines from earlier jobs, by the machine's name.
     pub fn credits(&self) -> Arc<BTreeMap<String, Credit>> {
         let credit = |notice: &Notice| {
             let machine = notice.name.strip_prefix(CREDITS)?.to_owned();
@@ -135,8 +136,8 @@ impl JobBoard {
         Arc::new(self.uplink.notices().all(CREDITS).iter().filter_map(credit).collect())
     }
 
-    /// Returns the reliability of machines in earlier jobs, by machine: estimated over measured time. 1 if their work took as
-    /// long as predicted, 0.5 if twice as long.
+    /// Returns the reliability of machines in earlier jobs, by the machine's name: predicted over measured time. It is 1 if their
+    /// work took as long as predicted, 0.5 if it took twice as long.
     pub fn reliabilities(&self) -> BTreeMap<String, f64> {
         self.credits().iter().map(|(machine, credit)| (machine.clone(), credit.reliability())).collect()
     }

@@ -22,7 +22,7 @@ pub struct JobUsage {
     pub processor_ms: u64,
     /// Energy in millijoules. `None`: unknown.
     pub millijoules: Option<u64>,
-    /// The source of the energy value.
+    /// The source of the energy value. `None`: the energy is unknown.
     pub source: Option<EnergySource>,
     /// The number of processors of its machine.
     pub processors: usize,

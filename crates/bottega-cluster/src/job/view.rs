@@ -20,11 +20,11 @@ pub struct JobView {
     pub state: &'static str,
     /// The reason of a failure; none: it has not failed.
     pub reason: Option<String>,
-    /// Predicted share of the total cost that is done, in 0..=1.
+    /// Share of the predicted cost of the picture that is done, in 0..=1.
     pub done: f64,
     /// Number of zones painted.
     pub zones_done: usize,
-    /// Number of all zones.
+    /// Number of all zones; 0 while they are not known yet.
     pub zones: usize,
     /// Predicted remaining time in seconds, if the job's leader knows it.
     pub seconds_left: Option<f64>,
@@ -35,9 +35,9 @@ pub struct JobView {
     /// Tags that a machine must have to render it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub require: Vec<String>,
-    /// The number of machines that work on the job.
+    /// The number of machines that work on the job, each process counted; 0 if the job is over.
     pub machines: usize,
-    /// The name of the process that leads the job.
+    /// The name of the process that leads the job; none: no process leads it now.
     pub leader: Option<String>,
     /// The name of the process that submitted the job.
     pub from: String,
@@ -59,7 +59,7 @@ pub struct JobView {
 }
 
 impl JobView {
-    /// Returns the jobs that users may see here, by number.
+    /// Returns the jobs that users of this machine may see, in the order of their numbers.
     pub fn all(board: &JobBoard) -> Vec<Self> {
         let machines = board.presences();
         let view = |(number, job): (u32, Job)| {
@@ -116,13 +116,14 @@ pub struct MachineView {
 }
 
 impl MachineView {
-    /// Returns the live machines that users may see here, for a process that just connected.
+    /// Returns the live machines that users of this machine may see. Waits up to 1.5 s for machines to renew their presences, as
+    /// a process that just connected must.
     pub fn all(board: &JobBoard) -> Vec<Self> {
         let view = |presence: Presence| Self { ordered: board.order_to(&presence.name).standing, presence };
         board.shown_machines(board.present()).into_iter().map(view).collect()
     }
 
-    /// Returns the machine as JSON.
+    /// Returns the machine as a JSON object, as `bottega machines list --json` prints it.
     pub fn to_value(&self) -> serde_json::Value {
         let Presence { name, threads, devices, version, job, standing, activity, takes_orders, tags, .. } =
             &self.presence;
@@ -134,16 +135,16 @@ impl MachineView {
 /// A snapshot of a farm.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FarmView {
-    /// The jobs, by number.
+    /// The jobs, in the order of their numbers.
     pub jobs: Vec<JobView>,
     /// The machines that are present.
     pub machines: Vec<MachineView>,
 }
 
 impl FarmView {
-    /// Returns the current state of the farm.
+    /// Returns the current state of the farm: all jobs, and the machines that `roster` knows to be live.
     ///
-    /// - `roster`: the same one for all calls; it recognizes machines that are gone.
+    /// - `roster`: the same one for all calls; it recognizes machines that are gone. With a new one, no machine counts as live.
     pub fn of(board: &JobBoard, roster: &mut Roster) -> Self {
         let machines = roster.look(board.presences_with_revision());
         let jobs = board.all().into_iter().map(|(number, job)| {

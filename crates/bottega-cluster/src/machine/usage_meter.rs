@@ -63,15 +63,15 @@ impl UsageMeter {
         Self { state: Arc::new(Mutex::new(state)) }
     }
 
-    /// Assigns the usage since the last call to a job.
+    /// Assigns the usage since the last call to a job. The first call assigns nothing, because it begins the measurement.
     ///
-    /// - `work`: the unique number of the job; `None`: to no job.
+    /// - `work`: the unique number of the job, [`Job::origin`](crate::job::record::Job::origin); `None`: to no job.
     pub fn count(&self, work: Option<u64>) {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         state.count(work, moment());
     }
 
-    /// Returns the usage of the last jobs, at most four of them.
+    /// Returns the usage of the last jobs, at most four of them, in the order of their unique numbers.
     pub fn usages(&self) -> Vec<JobUsage> {
         let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         state.jobs.iter().map(|(work, job)| state.usage(*work, job)).collect()

@@ -46,7 +46,7 @@ use crate::{
 pub enum WorkerMessage<'a> {
     /// A line about its current action.
     Line(&'a str),
-    /// The reason why it refuses a job.
+    /// The reason why it refuses a job, or does not help a viewport.
     Failure(&'a Error),
 }
 
@@ -55,9 +55,9 @@ pub enum WorkerMessage<'a> {
 pub struct JoinOptions {
     /// The threads and devices to render with.
     pub own: WorkerDevices,
-    /// The folder of the scene cache; none: a folder in the user's state.
+    /// The folder of the scene cache; `None`: the folder `cache` in Bottega's state folder.
     pub cache: Option<PathBuf>,
-    /// The size of the cache in bytes; the least recently used files are removed first. None: 20 GiB.
+    /// The size of the cache in bytes; the least recently used files are removed first. `None`: 20 GiB.
     pub cache_bytes: Option<u64>,
     /// `true`: leaves the farm when one job is over.
     pub once: bool,
@@ -65,13 +65,16 @@ pub struct JoinOptions {
     pub owner: OwnerConditions,
     /// The tags of the machine, which jobs can require.
     pub tags: Vec<String>,
-    /// The most memory that the machine may use, in bytes; it refuses a job that needs more.
+    /// The most memory that this process and the engines it starts may use, in bytes; it leaves a job that needs more. `None`: no
+    /// limit.
     pub memory_bytes: Option<u64>,
-    /// The power of the machine with all processors busy, in watts; used if it has no counters.
+    /// The power of the machine with all processors busy, in watts; used if its processors have no readable energy counters.
+    /// `None`: its energy is then unknown.
     pub watts: Option<f64>,
 }
 
-/// Works for a farm until the user stops, a command makes this machine leave, or, with `options.once`, one job is over.
+/// Works for a farm until the user stops, a command makes this machine leave, or, with `options.once`, one job is over. Then
+/// leaves the farm.
 ///
 /// - `say`: shows messages to the user.
 pub fn join(link: FarmLink, options: JoinOptions, stop: &StopSwitch, say: Box<dyn Fn(WorkerMessage<'_>) + Sync>) {

@@ -18,9 +18,9 @@ const SECRET_DIGITS: usize = 32;
 /// The group of a member, which determines its permissions in a farm of `bottega up`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Group {
-    /// May do everything.
+    /// A member that may do everything.
     Trusted,
-    /// May only render.
+    /// A member that may only render.
     Guest,
 }
 
@@ -204,7 +204,8 @@ const PAGE: &str = "page ";
 const PLATFORM: &str = "platform ";
 
 impl LocalAddresses {
-    /// Reads the addresses from the file of this user; `None`: this user runs no `bottega up` on this machine.
+    /// Reads the addresses from the file of this user, and returns them; `None`: this user runs no `bottega up` on this machine,
+    /// or the file cannot be read.
     pub fn read() -> Option<Self> {
         fs::read_to_string(address_file()).ok().map(|text| Self::of_text(&text))
     }
@@ -231,7 +232,7 @@ impl fmt::Display for LocalAddresses {
 /// Returns the address of the farm that `bottega up` runs on this machine.
 ///
 /// # Errors
-/// `bottega up` does not run here.
+/// This user runs no `bottega up` on this machine, or the saved address is invalid.
 pub fn saved_address() -> Result<FarmAddress, Error> {
     let known = LocalAddresses::read().and_then(|addresses| addresses.farm.parse().ok());
     known.ok_or_else(|| {

@@ -25,7 +25,7 @@ pub struct DeedLog {
 }
 
 impl DeedLog {
-    /// Returns the log of this user's HTTP servers on this machine.
+    /// Returns the log of this user's HTTP servers on this machine: `web.log` in Bottega's state folder.
     pub fn of_user() -> Self {
         Self::at(state_folder().join("web.log"))
     }
@@ -35,10 +35,12 @@ impl DeedLog {
         Self { path, file: Mutex::new(None) }
     }
 
-    /// Logs a request and the status of its response. A failure is only logged.
+    /// Appends a line for a request. A failure to write is only a warning of the program.
     ///
     /// - `token`: the name of the access token.
-    /// - `address`: that of the client.
+    /// - `address`: the IP address of the client.
+    /// - `method`, `path`: those of the HTTP request.
+    /// - `status`: the HTTP status of its response.
     pub fn note(&self, token: &str, address: IpAddr, method: &str, path: &str, status: u16) {
         let at = Timestamp::from_second(unix_seconds() as i64).unwrap_or_default();
         if let Err(error) = self.write(&format!("{at} {token} {address} {method} {path} {status}\n")) {

@@ -59,7 +59,7 @@ pub struct FoundFarm {
     pub pin: String,
 }
 
-/// Returns the farms that announce themselves on the local network within a time, sorted by host.
+/// Listens on the local network for the time `within`. Returns the farms that announced themselves, sorted by host.
 ///
 /// # Errors
 /// mDNS cannot be used.
@@ -78,7 +78,10 @@ pub fn farms(within: Duration) -> Result<Vec<FoundFarm>, Error> {
     Ok(farms)
 }
 
-/// Returns the address of the farm on the local network whose server has the given pin.
+/// Returns the address of the farm on the local network whose server has the given pin. Searches for at most 8 s.
+///
+/// # Errors
+/// mDNS cannot be used, or no such farm announces itself.
 pub(crate) fn find(pin: Pin) -> Result<String, Error> {
     let pin = pin.to_string();
     let mut found = None;

@@ -35,12 +35,12 @@ const PATIENCE_OF_REFUSED: Duration = Duration::from_secs(6);
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
 
-/// The credentials for NATS servers of other operators.
+/// The credentials for NATS servers of other operators; `None` in a field: not given.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Credentials {
-    /// The path of a `.creds` file.
+    /// The path of a `.creds` file of NATS. It takes precedence over `nkey` and over the login of the address.
     pub creds: Option<PathBuf>,
-    /// The path of a file with the seed of an NKey.
+    /// The path of a file with the seed of an NKey. It takes precedence over the login of the address.
     pub nkey: Option<PathBuf>,
     /// The path of a file with certificates of authorities, in addition to those of the system (PEM).
     pub tls_ca: Option<PathBuf>,
@@ -98,17 +98,19 @@ pub(crate) struct EnrolmentAnswer {
     pub(crate) refused: Option<String>,
 }
 
-/// Connects to the given farm, or else to the one of this machine.
+/// Connects to the given farm, or else to the one that `bottega up` runs on this machine. Returns the connection.
 ///
 /// # Errors
-/// There is no such farm, or it does not admit this machine.
+/// This machine has no saved farm, no server answers, the farm does not admit this machine, or the credentials cannot be read or
+/// do not suit the kind of farm.
 pub fn link(farm: Option<&FarmAddress>, credentials: &Credentials) -> Result<FarmLink, Error> {
     link_as(farm, credentials, None)
 }
 
-/// Connects to a farm as a machine of the given name.
+/// Connects to a farm as a machine of the given name. Returns the connection.
 ///
-/// - `name`: the machine's name at the farm: letters, digits and hyphens; letters of its key are appended. None: its name
+/// - `farm`: the address; `None`: the farm that `bottega up` runs on this machine.
+/// - `name`: the machine's name at the farm: letters, digits and hyphens; letters of its key are appended. `None`: its name
 ///   there so far, or else its host name.
 ///
 /// # Errors

@@ -37,7 +37,7 @@ pub struct Entry {
 }
 
 impl OwnServer {
-    /// Starts a server on a free port.
+    /// Starts a server on a free port of 127.0.0.1. Returns it.
     ///
     /// - `server_program`: the path of `nats-server`; `None`: the installed one.
     /// - `folder`: the folder for its data and secrets.
@@ -56,7 +56,7 @@ impl OwnServer {
 }
 
 impl Entry {
-    /// Connects to the server as the given member.
+    /// Connects to the server as the given member. Returns the connection.
     ///
     /// - `thread`: the thread of the connection, which may serve several.
     /// - `member`: the name of the member.

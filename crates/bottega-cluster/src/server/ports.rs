@@ -43,7 +43,7 @@ impl Port {
     }
 }
 
-/// Listens on an address.
+/// Listens on an address. Returns the listening socket.
 ///
 /// # Errors
 /// The address cannot be bound: the error names the purpose of the port, the reason and the option that chooses another.
@@ -68,9 +68,9 @@ pub fn bind(port: Port, address: SocketAddr) -> Result<TcpListener, Error> {
     })
 }
 
-/// Listens on a default address, or on the next free port above it.
+/// Listens on a default address, or on the next free port above it. Returns the listening socket.
 ///
-/// - `tries`: the number of ports above it to try, before any free port.
+/// - `tries`: the number of ports above it that are tried, before any free port is taken.
 ///
 /// # Errors
 /// The error of [`bind`] for the address itself, if no port is free.

@@ -44,7 +44,7 @@ pub struct Room {
 }
 
 impl Room {
-    /// Returns the free bytes.
+    /// Returns the number of free bytes; 0 if more than the limit is used.
     pub fn free(&self) -> u64 {
         self.limit.saturating_sub(self.used)
     }
@@ -68,7 +68,8 @@ impl JobBoard {
         is_older(&self.uplink.server_version(), COUNTS_RIGHTLY) && miscounts(counted, self.kept_bytes(), limit)
     }
 
-    /// Returns the storage of the farm's server. `None`: unknown, as for servers of other operators.
+    /// Returns the storage of the farm's server. `None`: unknown, because another operator runs it, it does not answer or stores
+    /// nothing, or this machine is a guest.
     pub fn room(&self) -> Option<Room> {
         let Limit { bytes: limit } = self.read_notice(NOTICE)?;
         if self.uplink.is_guest() {
@@ -254,7 +255,7 @@ impl Pulse {
     }
 }
 
-/// Formats a number of bytes for display, such as `3.4 MB`.
+/// Returns a number of bytes as text for display, such as `3.4 MB`.
 pub fn bytes_said(bytes: u64) -> String {
     let bytes = bytes as f64;
     match bytes {

@@ -49,11 +49,11 @@ const LOCK: &str = "up.lock";
 pub struct UpOptions {
     /// The address to listen on; none: 0.0.0.0:4222.
     pub listen: Option<SocketAddr>,
-    /// The folder for jobs and pixels; none: a folder in the user's state.
+    /// The folder for jobs, pixels and secrets; `None`: the folder `server` in Bottega's state folder.
     pub state: Option<PathBuf>,
-    /// The most that is stored there, in bytes; none: the free space of its disk except a reserve.
+    /// The most that is stored there, in bytes; `None`: the stored bytes and the free space of its disk, except a reserve.
     pub store_bytes: Option<u64>,
-    /// The path of `nats-server`; none: the installed one.
+    /// The path of `nats-server`; `None`: the one beside this program, or else the installed one.
     pub server: Option<PathBuf>,
     /// `true`: does not announce the farm on the local network (mDNS).
     pub hidden: bool,
@@ -112,7 +112,8 @@ impl LocalFarm {
     /// Locks the folder of a farm. Starts nothing. Returns the right to start the farm, or the farm if another process runs it.
     ///
     /// # Errors
-    /// The folder cannot be used, or another process runs it with other options.
+    /// The folder cannot be used, or another process runs the farm at another address than the one requested or is about to start
+    /// it.
     pub fn claim(options: &UpOptions) -> Result<Self, Error> {
         let folder = options.state.clone().unwrap_or_else(|| state_folder().join("server"));
         match lock(&folder)? {
@@ -123,10 +124,11 @@ impl LocalFarm {
 }
 
 impl FarmStart {
-    /// Starts the farm, with a NATS server as a child process. It is not announced before [`Host::announce`].
+    /// Starts the farm, with a NATS server as a child process, or adopts the server that an earlier process left running. Returns
+    /// the host of the farm, which is not announced before [`Host::announce`].
     ///
     /// # Errors
-    /// There is no `nats-server`, it does not start, or the folder or address cannot be used.
+    /// There is no `nats-server`, it does not start, the folder or address cannot be used, or the farm's secrets are damaged.
     pub fn begin(self) -> Result<Host, Error> {
         let Self { options: up, folder, alone } = self;
         // Find the program, the members and the storage limit

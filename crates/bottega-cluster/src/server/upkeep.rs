@@ -109,10 +109,11 @@ impl JobBoard {
             .forget_all(|name, _| name.starts_with(chunks::PREFIX) && which(name) && !needed.contains(name));
     }
 
-    /// Deletes a job and all its data, including its scene unless another job needs it.
+    /// Deletes a job and all its data, including its scene unless a job that is not over needs it or another process is sending a
+    /// scene.
     ///
     /// # Errors
-    /// There is no such job, this machine is a guest, or the farm does not answer.
+    /// There is no such job, this machine is a guest, or the farm does not confirm the deletion.
     pub fn remove_with_scene(&self, number: u32) -> Result<(), Error> {
         let order = self.get(number).and_then(|job| self.spec(&job).ok());
         let pieces: BTreeSet<String> = order.map(|order| order.files.blobs().collect()).unwrap_or_default();
@@ -126,7 +127,7 @@ impl JobBoard {
     /// notice is a write.
     ///
     /// # Errors
-    /// There is no such job, this machine is a guest, or the farm does not answer.
+    /// There is no such job, this machine is a guest, or the farm does not confirm the deletion.
     pub fn remove(&self, number: u32) -> Result<(), Error> {
         let job = self.get(number).ok_or_else(|| no_such(number))?;
         self.refuse_guests()?;
@@ -194,7 +195,8 @@ impl JobBoard {
         now.iter().any(|(name, revision)| before.get(name) != Some(revision))
     }
 
-    /// Returns the scenes that are being sent, each with the name of the sending process.
+    /// Returns the scenes that are being sent, each with the name of the sending process; also those of processes that were
+    /// killed while they sent.
     pub fn transfers(&self) -> Vec<(String, Announcement)> {
         let announcements = self.uplink.notices().all("transfer/").into_iter();
         let transfers = announcements.filter_map(|notice| {
@@ -204,7 +206,8 @@ impl JobBoard {
         transfers.collect()
     }
 
-    /// Returns the storage that each of these jobs uses at the farm, by number.
+    /// Returns the storage that each of these jobs uses at the farm, by its number. It is too low, or 0, for a job whose
+    /// specification cannot be read and while the server does not answer.
     pub fn held(&self, jobs: &[(u32, Job)]) -> BTreeMap<u32, JobStorage> {
         let blobs = self.uplink.blobs().list();
         let sizes: BTreeMap<&str, u64> = blobs.iter().map(|StoredBlob { name, bytes, .. }| (&**name, *bytes)).collect();

@@ -21,9 +21,9 @@ const TOKEN_BYTES: usize = 16;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum TokenRole {
-    /// May only look.
+    /// A token that may only look.
     See,
-    /// May do everything.
+    /// A token that may do everything.
     Steer,
 }
 
@@ -88,7 +88,7 @@ impl WebSecrets {
         self.is_shared
     }
 
-    /// Returns the token of a role.
+    /// Returns the token of a role, 32 hexadecimal digits, derived from the secret.
     ///
     /// - `generation`: number of times that it was revoked and replaced.
     pub fn token(&self, role: TokenRole, generation: u64) -> String {

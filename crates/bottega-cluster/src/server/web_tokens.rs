@@ -28,7 +28,7 @@ pub struct WebToken {
     pub role: TokenRole,
     /// The time at which the token was made, in seconds since 1970; `null`: with the farm.
     pub made: Option<u64>,
-    /// The name of the user who made it, or revoked its predecessor.
+    /// The name of the user who made it, or revoked its predecessor; `null`: it was made with the farm.
     pub by: Option<String>,
 }
 
@@ -54,7 +54,8 @@ struct TokenNotice {
 }
 
 impl JobBoard {
-    /// Returns all tokens: the two derived ones, and then the named ones, by name.
+    /// Returns all tokens: the two derived ones, and then the named ones in the order of their names; at a guest, only the
+    /// derived ones.
     pub fn web_tokens(&self) -> Vec<WebToken> {
         let derived = TokenRole::ALL.map(|role| {
             let revoked = self.token_notice(role.word());
@@ -73,7 +74,7 @@ impl JobBoard {
         secrets.token(role, self.token_notice(role.word()).map_or(0, |notice| notice.generation))
     }
 
-    /// Returns the name and role of a presented token. `None`: it is unknown or revoked.
+    /// Returns the name and role of a presented token. `None`: it is unknown or revoked. A guest knows only the derived tokens.
     pub fn token_holder(&self, secrets: &WebSecrets, token: &str) -> Option<TokenHolder> {
         // Compare hashes, in constant time, so that timing reveals nothing.
         let shown = blake3::hash(token.as_bytes());
@@ -89,12 +90,13 @@ impl JobBoard {
         })
     }
 
-    /// Creates a named token. Returns it; it is not stored and cannot be shown again.
+    /// Creates a named token. Returns it, 32 hexadecimal digits; it is not stored and cannot be shown again.
     ///
     /// - `by`: the name of the user.
     ///
     /// # Errors
-    /// The name is invalid or taken, there are too many tokens, this machine is a guest, or the farm does not answer.
+    /// The name is invalid or taken, there are 256 named tokens already, this machine is a guest, the system gives no random
+    /// numbers, or the farm does not store the token.
     pub fn make_token(&self, name: &str, role: TokenRole, by: &str) -> Result<String, Error> {
         self.refuse_guests()?;
         if !is_tag(name) {
@@ -127,7 +129,7 @@ impl JobBoard {
     /// - `by`: the name of the user.
     ///
     /// # Errors
-    /// There is no such token, this machine is a guest, or the farm does not answer.
+    /// There is no such token, this machine is a guest, or the farm does not store the change.
     pub fn revoke_token(&self, name: &str, by: &str) -> Result<(), Error> {
         self.refuse_guests()?;
         let before = self.token_notice(name);

@@ -48,11 +48,11 @@ pub(crate) struct ViewportCall {
 /// A look that helpers render samples of.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct CalledLook {
-    /// Its number.
+    /// The number of the look.
     pub(crate) number: u64,
     /// The request of [`bottega::viewport::ViewportLook`].
     pub(crate) request: Request,
-    /// The camera.
+    /// The camera of the look.
     pub(crate) camera: Camera,
     /// The number of the state of the scene.
     pub(crate) state: u64,

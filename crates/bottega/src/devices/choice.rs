@@ -49,10 +49,12 @@ pub struct DeviceSet {
 }
 
 impl DeviceSet {
-    /// Opens the devices that support this scene and these layers.
+    /// Opens the devices that support this scene and these layers, or takes those that an earlier picture has left open. Returns
+    /// them.
     ///
     /// - `choice`: the devices that the request names.
-    /// - `camera`: that of the picture.
+    /// - `wish`: threads, memory and sharing of the devices.
+    /// - `camera`: the camera of the picture.
     /// - `layout`: the layers of the picture.
     /// - `photons`: true if the integrator uses photons.
     ///
@@ -154,8 +156,8 @@ impl WantedDevices {
     }
 }
 
-/// Returns the number of CPU threads that render together with `gpus` GPUs. On machines with many processors one per GPU stays
-/// free to feed it, which is worth more than its own rendering.
+/// Returns the number of CPU threads that render together with `gpus` GPUs. From 8 processors on, one per GPU stays free to feed
+/// it, which is worth more than its own rendering, but at least 4 render.
 ///
 /// - `processors`: number of CPU threads without GPUs.
 pub fn beside_gpus(processors: usize, gpus: usize) -> usize {

@@ -95,7 +95,7 @@ pub(super) fn unsupported(reasons: &[String]) -> Error {
 /// Opens the GPU whose name contains `name` for a scene. Returns the lane by which the allocator sends it blocks of pixels.
 ///
 /// # Errors
-/// There is no such GPU, or it does not support the scene.
+/// There is no such GPU, it cannot be opened, or it does not support the scene.
 pub fn painter(name: &str, scene: &Arc<PreparedScene>) -> Result<Lane<RenderWork>, Error> {
     Ok(lane_of(GpuPaths::new(scene, &path_options(Some(name.to_owned()), None))?))
 }

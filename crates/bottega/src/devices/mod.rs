@@ -41,7 +41,7 @@ pub use self::{
 pub use crate::request::DeviceChoice;
 use crate::request::Request;
 
-/// Returns the number of processors that this process may use.
+/// Returns the number of processors that this process may use; 1 if it is unknown.
 pub fn processors() -> usize {
     thread::available_parallelism().map_or(1, usize::from)
 }

@@ -53,7 +53,8 @@ pub fn shelf(folders: &[PathBuf]) -> Shelf {
     Shelf::open(&std::iter::once(user_folder).chain(folders.iter().cloned()).collect::<Vec<_>>())
 }
 
-/// Stores quarantines of engines in the state folder, so that later processes know which engines not to use on this machine.
+/// Makes this process store quarantines of engines in the state folder, so that later processes know which engines not to use on
+/// this machine. Without this call they end with the process.
 pub fn keep_quarantines() {
     external::keep_quarantines_in(state_folder().join("engines"));
 }
@@ -80,7 +81,7 @@ pub fn entry(folders: &[PathBuf], name: &str) -> Result<ShelfEntry, Error> {
     })
 }
 
-/// Finds the installation of an engine on this machine; parameters as for [`entry`].
+/// Returns the installation of an engine on this machine; parameters as for [`entry`].
 ///
 /// # Errors
 /// Those of [`entry`], or the engine is not installed.

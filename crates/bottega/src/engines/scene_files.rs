@@ -14,7 +14,7 @@ use crate::{agent_rules::RuleTexts, error::Error, loaded_scene::LoadedScene, met
 /// The files of a scene, the engine that renders it, and the rules of its agents.
 #[derive(Clone, Debug, Default)]
 pub struct SceneFiles {
-    /// Files that the scene refers to.
+    /// Files that the scene refers to, without the scene file itself.
     pub files: Vec<SceneFile>,
     /// Identity of the external engine that all machines must have; `None`: the built-in engine.
     pub engine: Option<String>,
@@ -37,8 +37,8 @@ impl SceneFiles {
         Self { files: subject.files.clone(), engine: None, rules, warnings, method: Some(method) }
     }
 
-    /// Asks the external engine of a request for the files that its scene refers to. Files that are missing, or that the scene
-    /// may not use, are left out with a warning.
+    /// Asks the external engine of a request for the files that its scene refers to, and returns them. Files that are missing, or
+    /// that the scene may not use, are left out with a warning.
     ///
     /// - `rules`: the texts of the agents' rules.
     ///

@@ -30,7 +30,7 @@ pub struct ZoneEvent {
     /// Complexity: predicted cost of all its pixels; unit: one average pixel of the picture.
     pub complexity: f64,
     /// Neighbor Difference: absolute difference of the cost per pixel from the zones that share an edge, averaged by the length
-    /// of the edges.
+    /// of the edges; missing in rows of older versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub neighbor_difference: Option<f64>,
     /// The state: `open`, `profiling`, `profiled`, `awarded`, `done` or `failed`.
@@ -38,18 +38,19 @@ pub struct ZoneEvent {
     /// Name of the agent to which the zone was awarded last; missing before the first award.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub agent: Option<String>,
-    /// T_est: estimated time for the zone, in seconds on the reference machine.
+    /// T_est: estimated time of the zone's remaining samples, in seconds on the reference machine; missing without an estimate.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seconds_estimated: Option<f64>,
-    /// T_real: measured time for the zone, in seconds on the reference machine.
+    /// T_real: measured time of the zone's last painting, in seconds on the reference machine; missing before it is measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seconds_measured: Option<f64>,
     /// Number of times the zone was taken from an agent that failed or stopped responding.
     pub attempt: u32,
-    /// The settings that the zone is painted with, once chosen.
+    /// The settings that the zone is painted with; missing before they are chosen.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub choice: Option<ZoneChoice>,
-    /// The rules that decided the settings and their degrees of firing: `path_tracing: 12 0.83, 22 0.40`.
+    /// The rules that decided the settings and their degrees of firing: `path_tracing: 12 0.83, 22 0.40`; missing if no rules
+    /// did.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reasons: Option<String>,
     /// Samples per pixel taken so far.

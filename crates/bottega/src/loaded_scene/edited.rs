@@ -32,7 +32,8 @@ impl LoadedScene {
     /// - `scene`: a valid state of the scene, such as [`bottega_scene::SceneEditor::snapshot`] returns.
     ///
     /// # Errors
-    /// The scene has no camera or not the requested one, or cannot be prepared.
+    /// The scene has no camera or not the requested one, or cannot be prepared; the lens or pose of the request does not suit the
+    /// camera, or the picture is too large.
     pub fn edited(self, scene: impl Into<Loaded>, request: &Request) -> Result<Self, Error> {
         let Loaded { mut scene, mut warnings, hints, files, .. } = scene.into();
         displace_meshes(&mut scene, request, &mut warnings);

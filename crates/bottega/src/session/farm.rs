@@ -50,16 +50,19 @@ impl Session {
     /// Checks a request that other machines will render, before anything is sent to them. Returns the files that they need.
     ///
     /// # Errors
-    /// The request, its scene or its rules cannot be used, or its output cannot be written.
+    /// The request, its scene or its rules cannot be used, its output cannot be written, or its engine is not installed or cannot
+    /// list the files that the scene refers to.
     pub fn examine(request: &Request) -> Result<SceneFiles, Error> {
         Self::check(request, &SessionOptions::default())?;
         Self::examine_scene(request)
     }
 
-    /// Checks a request like [`Self::examine`], but not its output, which another machine writes.
+    /// Checks a request like [`Self::examine`], but not its output, which another machine writes. Returns the files that the
+    /// machines need.
     ///
     /// # Errors
-    /// The request, its scene or its rules cannot be used.
+    /// The request, its scene or its rules cannot be used, or its engine is not installed or cannot list the files that the scene
+    /// refers to.
     pub fn examine_for_elsewhere(request: &Request) -> Result<SceneFiles, Error> {
         request.validate()?;
         Self::examine_scene(request)
@@ -102,7 +105,8 @@ impl Session {
         Ok(Self { submitted: part.submitted.clone(), ..session })
     }
 
-    /// Returns the values that an agent needs to render zones for another process, without observer and store.
+    /// Returns the values with which this machine renders zones of another process's job: with an observer that does nothing,
+    /// and without a store.
     pub fn setup(&self) -> PaintingSetup {
         let (settings, engine) = (measured(self.settings.clone()), self.painter.engine());
         PaintingSetup { settings, engine, observer: Arc::new(()), store: None, kept: None }

@@ -25,7 +25,8 @@ impl Session {
     /// bit-identical to that of a session opened with this view.
     ///
     /// # Errors
-    /// The scene has no such camera, or the session uses an external engine, which cannot change the view.
+    /// The view is invalid, the scene has no such camera, the output or its journal cannot be written, or the session uses an
+    /// external engine, which cannot change the view.
     pub fn look(self, view: &ViewOptions) -> Result<Self, Error> {
         let request = Request { view: view.clone(), ..self.request.clone() };
         self.seen(&request)
@@ -57,8 +58,8 @@ impl Session {
     /// again; the picture is bit-identical to that of a new session.
     ///
     /// # Errors
-    /// The request or its rules cannot be used, the scene has no camera or not the requested one, or the session uses an external
-    /// engine.
+    /// The request or its rules cannot be used, the scene has no camera or not the requested one or cannot be prepared, or the
+    /// session uses an external engine.
     pub fn edited(self, request: &Request, scene: impl Into<Loaded>) -> Result<Self, Error> {
         let begun = Instant::now();
         let Self { options, painter, denoiser, .. } = self;

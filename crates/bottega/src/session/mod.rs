@@ -97,7 +97,8 @@ pub struct PaintingSetup {
 }
 
 impl Session {
-    /// Loads the scene of a request, prepares it and chooses engine and devices. All errors of the request are found here.
+    /// Loads the scene of a request, prepares it and chooses engine and devices. Returns the session. All errors of the request
+    /// are found here.
     ///
     /// # Errors
     /// The request, its scene, rules or engine cannot be used, its output cannot be written, or the denoiser is not installed.
@@ -121,8 +122,8 @@ impl Session {
         Ok(Self { denoiser, journal, ..Self::new(request, options, opened, begun) })
     }
 
-    /// Opens a session for a scene in memory. The request's `scene.file` serves as its name alone. The session writes no journal,
-    /// so it cannot be resumed.
+    /// Opens a session for a scene in memory. The request's `scene.file` only serves as the scene's name. The session writes no
+    /// journal, so it cannot be resumed.
     ///
     /// # Errors
     /// Those of [`Self::open`], or the request names an external engine.
@@ -229,10 +230,12 @@ impl Session {
         self.name.as_deref()
     }
 
-    /// Renders the picture and writes it to the output of the request, if any.
+    /// Renders the picture and writes it to the output of the request, if any. Returns the picture; a partial one if `stop` ended
+    /// the rendering.
     ///
     /// # Errors
-    /// The job failed, zones failed, or the picture cannot be written. The journal beside the output keeps the finished zones.
+    /// The viewer tev does not answer, the job failed, zones failed, or the picture cannot be denoised or written. The journal
+    /// beside the output keeps the finished zones.
     pub fn render(mut self, watcher: Arc<dyn Watcher>, stop: &StopSwitch) -> Result<Picture, Error> {
         // Read the times that earlier jobs have learned
         let reporter = Arc::new(Reporter::new(watcher));

@@ -56,7 +56,8 @@ impl ActiveSession {
     /// Makes the picture from the report of the job: reports statistics, and denoises if requested. Does not write the output.
     ///
     /// # Errors
-    /// The picture cannot be denoised or recorded.
+    /// The picture cannot be denoised, its record cannot be made, or the edges between the zones of two engines cannot be
+    /// examined.
     pub fn finish(self, report: JobReport, stop: &StopSwitch) -> Result<Picture, Error> {
         let Self { request, submitted, painter, settings, denoiser, reporter, recorder, journal, timeline, tev } = self;
         reporter.finish();

@@ -11,7 +11,7 @@ pub trait Watcher: Send + Sync {
     /// Receives an event of the job.
     fn event(&self, event: Event);
 
-    /// Receives a message that an agent sends; `_now`: time of the job.
+    /// Receives a message that an agent sends; `_now`: time since the start of the job.
     fn message(&self, _now: Time, _message: &FarmMessage) {}
 
     /// Receives a new preview: the bytes of a PNG file.

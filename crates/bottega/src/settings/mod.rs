@@ -44,12 +44,12 @@ pub fn agents(requested: Option<u16>, threads: usize) -> usize {
     requested.map_or(threads.div_ceil(2), usize::from)
 }
 
-/// Returns the level of division into zones; numbers above the highest level give that.
+/// Returns the level of division into zones with this number; for a number above all levels, the highest one.
 pub fn level(level: u8) -> Level {
     Level::ALL[usize::from(level).min(Level::ALL.len() - 1)]
 }
 
-/// Converts the options of a request to the limits on zones: size, complexity, similarity.
+/// Returns the limits on zones of a request: smallest side, largest complexity, similarity and balance.
 pub fn zone_limits(work: &WorkOptions) -> ZoneLimits {
     ZoneLimits {
         side_min: work.zone_min_size,

@@ -37,9 +37,9 @@ impl LookEnd {
 }
 
 impl ViewportSampler {
-    /// Prepares a scene for a look.
+    /// Prepares a scene for a look. Returns the renderer of its samples.
     ///
-    /// - `request`, `camera`: those of the look ([`ViewportLook`]); threads and devices are those of this machine.
+    /// - `request`, `camera`: request and camera of the look ([`ViewportLook`]), with threads and devices of this machine.
     ///
     /// # Errors
     /// The scene or the request cannot be used.
@@ -52,7 +52,7 @@ impl ViewportSampler {
 
     /// Returns the renderer for another look at the same scene.
     ///
-    /// - `request`, `camera`: those of the look.
+    /// - `request`, `camera`: request and camera of the look.
     ///
     /// # Errors
     /// The request or the camera cannot be used.
@@ -67,7 +67,7 @@ impl ViewportSampler {
         self.session.settings().crop
     }
 
-    /// Returns the switch that ends the rendering of the current look.
+    /// Returns a new switch for [`Self::render`], with which another thread ends the rendering of the current look.
     ///
     /// # Errors
     /// The session uses an external engine.
@@ -76,9 +76,9 @@ impl ViewportSampler {
         Ok(LookEnd { engine, cancel: CancelSwitch::default() })
     }
 
-    /// Renders samples of all pixels; `None`: the look was ended.
+    /// Renders samples of all pixels, and returns them; `None`: the look was ended.
     ///
-    /// - `look`: its number, for the receiver.
+    /// - `look`: the number of the look, for the receiver.
     /// - `samples`: the range of sample indices, which no other process renders.
     ///
     /// # Errors

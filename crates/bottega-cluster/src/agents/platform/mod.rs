@@ -81,12 +81,12 @@ impl PlatformOptions {
         }
     }
 
-    /// Binds the listening port.
+    /// Binds the listening port. Returns the listening socket.
     ///
     /// - `port`: the purpose of the port, for errors.
     ///
     /// # Errors
-    /// The port is taken, or other platforms cannot connect to it.
+    /// The address cannot be bound, or other platforms cannot connect to it: see [`Self::validate`].
     pub fn bind(&self, port: Port) -> Result<TcpListener, Error> {
         self.validate()?;
         self.listen.map_or_else(|| bind_near(port, LISTEN, 0), |listen| bind(port, listen))
@@ -104,7 +104,8 @@ pub struct FarmPlatform {
 }
 
 impl FarmPlatform {
-    /// Serves the platform over the directories of a farm.
+    /// Starts to serve the platform over the directories of a farm, on threads of its own. Hosts the farm's agents, too, unless
+    /// another process does; it waits up to 2.5 s to see one. Returns the running platform.
     ///
     /// - `listener`: the bound port: see [`PlatformOptions::bind`].
     ///
@@ -134,7 +135,7 @@ impl FarmPlatform {
         &self.node
     }
 
-    /// Returns the name of the jobs agent.
+    /// Returns the identifier of the jobs agent, which describes the farm's jobs and changes them on request.
     pub fn jobs(&self) -> &AgentId {
         &self.jobs
     }

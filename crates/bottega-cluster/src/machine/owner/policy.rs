@@ -1,6 +1,6 @@
 //! The policy by which a machine's owner has precedence: when the machine works for a farm, and when it is suspended.
 //!
-//! A state machine without a clock: it takes observations, and returns whether the machine may work.
+//! A state machine without a clock: it takes observations, and returns the reason to suspend work, if there is one.
 
 use std::{fmt, time::Duration};
 
@@ -26,18 +26,19 @@ pub struct DailyHours {
     pub to: u16,
 }
 
-/// The owner's conditions for working. Without any, the machine always works.
+/// The owner's conditions for working, all of which must hold. Without any, the machine always works.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OwnerConditions {
-    /// Work after this time without input; none: do not check.
+    /// The time without input after which the machine works; `None`: not checked.
     pub when_idle: Option<Duration>,
-    /// Work during these hours only; empty: all day.
+    /// The hours in which the machine works; empty: all day.
     pub hours: Vec<DailyHours>,
-    /// Work while other programs keep at most this many processors busy; none: do not check.
+    /// The most processors that other programs may keep busy while the machine works; `None`: not checked. After a higher load,
+    /// it works again when the load was low for 30 s.
     pub max_load: Option<f32>,
 }
 
-/// The reason why a machine is suspended.
+/// The reason why a machine is suspended by its owner's conditions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum OwnerReason {
     /// A user is at the machine.
@@ -91,7 +92,7 @@ impl OwnerConditions {
 }
 
 impl OwnerPolicy {
-    /// Returns the initial state: suspended if load counts, because the load before is unknown.
+    /// Returns the initial state, as after 30 s of low load.
     pub(super) fn new(conditions: OwnerConditions) -> Self {
         Self { conditions, rests: None, quiet: QUIET }
     }
