@@ -17,7 +17,7 @@ pub(crate) struct LoginArgs {
     /// An NKey for NATS servers that others run: a file with its seed.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, global = true, conflicts_with = "creds")]
     nkey: Option<PathBuf>,
-    /// Certificates of further authorities, in addition to the system's (PEM).
+    /// Certificates of authorities, in place of the system's (PEM).
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, global = true)]
     tls_ca: Option<PathBuf>,
     /// The certificate by which the servers know this machine (PEM).

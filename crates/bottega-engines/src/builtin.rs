@@ -17,7 +17,7 @@ use std::{
 use bottega_hra::{HraClient, HraReport, LifeTime};
 use bottega_image::{Picture, Tile};
 use bottega_render::{
-    AgentUse, LightGroups, PreparedScene, Prepass, RenderWork,
+    AgentUse, LightGroups, PreparedScene, Prepass, RenderError, RenderWork, TechniqueJudge,
     ala::AgentReport,
     integrator::{PathIntegrator, learn_together},
     photon::{MapBytes, cast_photons, prepare_techniques},
@@ -85,6 +85,7 @@ impl BuiltinEngine {
             prepass,
             options,
             light_groups: None,
+            technique_judge: None,
             devices: resources.devices,
             cancelled: AtomicBool::new(false),
             sample_ns: AtomicU64::new(SAMPLE_NS_GUESSED),
@@ -112,6 +113,17 @@ impl BuiltinEngine {
     #[must_use]
     pub fn with_light_groups(mut self, groups: Option<Arc<LightGroups>>) -> Self {
         Arc::get_mut(&mut self.shared).expect("no zone is rendered yet").light_groups = groups;
+        self
+    }
+
+    /// Sets the rules that choose between paths and photons; a picture that tries photons needs them. Their digest is
+    /// [`PathSettings::technique_rules`](bottega_render::PathSettings::technique_rules).
+    ///
+    /// # Panics
+    /// The engine already renders.
+    #[must_use]
+    pub fn with_technique_judge(mut self, judge: Option<Arc<dyn TechniqueJudge>>) -> Self {
+        Arc::get_mut(&mut self.shared).expect("no zone is rendered yet").technique_judge = judge;
         self
     }
 
@@ -213,12 +225,16 @@ impl BuiltinEngine {
 
     fn prepared(&self, others: Option<&dyn Sharing>) -> Result<(), EngineError> {
         // Use the user's settings: all zones learn from this, also those with lowered settings.
-        let Shared { scene, prepass, options, .. } = &*self.shared;
+        let Shared { scene, prepass, options, technique_judge, .. } = &*self.shared;
         let (view, settings) = (&options.view, &options.settings);
         let prepared = match (settings.photons, others) {
-            (Some(_), _) if settings.tries_photons => {
-                prepare_techniques(scene, prepass, view, settings, &self.client(self.urgency.priority()), others)
-            }
+            (Some(_), _) if settings.tries_photons => match technique_judge {
+                Some(judge) => {
+                    let client = self.client(self.urgency.priority());
+                    prepare_techniques(scene, prepass, view, settings, &**judge, (&client, others))
+                }
+                None => Err(RenderError::Untried),
+            },
             (None, None) => PathIntegrator::new(scene, prepass, view, settings).map(|_| ()),
             (None, Some(others)) => learn_together(scene, prepass, view, settings, others),
             (Some(_), _) => cast_photons(scene, prepass, view, settings, &self.client(self.urgency.priority()), others),

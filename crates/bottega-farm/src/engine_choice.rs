@@ -37,7 +37,7 @@ impl EngineChoice {
         }
         if !rules.outputs().iter().any(|output| output.name.eq_ignore_ascii_case(PREFERENCE)) {
             let found = rules.outputs().iter().map(|output| output.name.clone()).collect();
-            return Err(ExpertError::NoPreference { found });
+            return Err(ExpertError::NoChoice { output: PREFERENCE, of: "engine", found });
         }
         Ok(Self(Arc::new(rules)))
     }

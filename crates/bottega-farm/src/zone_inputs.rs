@@ -25,9 +25,13 @@ pub enum ExpertError {
         /// The known inputs.
         known: &'static [&'static str],
     },
-    /// The rules have no output `leaning`, which chooses the engine.
-    #[error("the rules have no output `leaning`, which chooses the engine, but {}", .found.join(", "))]
-    NoPreference {
+    /// The rules lack the output by which they choose.
+    #[error("the rules have no output `{output}`, which chooses the {of}, but {}", .found.join(", "))]
+    NoChoice {
+        /// The name of that output.
+        output: &'static str,
+        /// What it chooses: the engine or the technique.
+        of: &'static str,
         /// The outputs that the rules have.
         found: Vec<String>,
     },

@@ -28,6 +28,9 @@ pub enum RenderError {
         "photons and lighting agents do not support media that scatter, emit or have no surface, subsurface scattering, visibility by kind of ray, and motion blur; render this scene by path tracing"
     )]
     PhotonsInMedia,
+    /// A picture that tries photons was rendered before its trial.
+    #[error("paths and photons were not tried before the first zone")]
+    Untried,
     /// The acceleration structure cannot be built.
     #[error("cannot build the acceleration structure")]
     Accel(#[from] bottega_kernels::BuildError),

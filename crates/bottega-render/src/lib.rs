@@ -90,5 +90,6 @@ pub use sharing::Sharing;
 pub use speed::SpeedProbe;
 pub use surfaces::Surfaces;
 pub use survey::survey;
+pub use technique::{TechniqueEvidence, TechniqueJudge};
 pub use wave_work::WaveWork;
 pub use work::{BlockOutput, BlockWork, ProbeWork, RenderOutput, RenderWork};

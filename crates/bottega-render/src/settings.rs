@@ -116,6 +116,8 @@ pub struct PathSettings {
     /// `true`: a trial decides for each zone of the picture whether paths or [`Self::photons`] render it; `false`: photons
     /// render all of it, if they are set.
     pub tries_photons: bool,
+    /// Digest of the rules that choose between paths and photons: other rules choose other zones.
+    pub technique_rules: u64,
 }
 
 /// The settings of photon mapping: photons, final gathering, caches and lighting agents.
@@ -278,6 +280,7 @@ impl Default for PathSettings {
             planned_samples: 64,
             photons: None,
             tries_photons: false,
+            technique_rules: 0,
         }
     }
 }

@@ -16,6 +16,29 @@ const SAMPLES_PER_PHOTON: u64 = 5;
 /// Number of plans kept.
 const PLANS_MAX: usize = 4;
 
+/// The result of the trial for a picture or for one of its zones, from which a [`TechniqueJudge`] decides.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TechniqueEvidence {
+    /// log₂ of the error times work of paths over that of photons: 1 if photons are twice as good. Geometric mean of two
+    /// measures of the error: relative, and as a display shows it.
+    pub gain: f64,
+    /// The same by the measure that is worse for photons.
+    pub worse_gain: f64,
+    /// Light that paths find over the light that photons find, at most 1. Paths that miss light cannot judge photons.
+    pub found: f64,
+    /// Relative squared error of paths in the trial.
+    pub noise: f64,
+    /// The technique of the picture, `true` for photons, if one of its zones is judged; `None`: the picture is.
+    pub picture: Option<bool>,
+}
+
+/// Rules that choose the technique of zones.
+pub trait TechniqueJudge: Send + Sync {
+    /// Returns the preferred technique: photons above 0, paths at or below 0. It depends on the evidence alone, so that all
+    /// machines choose alike.
+    fn preference(&self, evidence: &TechniqueEvidence) -> f64;
+}
+
 /// The technique of each zone of a picture, in a grid.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct TechniquePlan {

@@ -5,9 +5,10 @@ use bottega_farm::{EngineChoice, Expert};
 use crate::{
     engines::entry,
     error::Error,
-    request::{Request, RulesText},
+    request::{IntegratorChoice, Request, RulesText},
     rule_texts::rule_texts,
-    rules::{engine_choice, experts},
+    rules::{engine_choice, experts, technique_choice},
+    technique_choice::TechniqueChoice,
 };
 
 /// The texts of the rules of a request.
@@ -17,6 +18,8 @@ pub struct RuleTexts {
     pub agents: Vec<RulesText>,
     /// The rules that choose the engine of each zone; `None`: there is only one engine.
     pub choice: Option<RulesText>,
+    /// The rules that choose between paths and photons; `None`: the request does not leave this to rules.
+    pub technique: Option<RulesText>,
 }
 
 impl RuleTexts {
@@ -35,18 +38,26 @@ impl RuleTexts {
             of_engine.into_iter().collect()
         };
         let has_choice = request.engine.names.len() > 1;
-        let choice = has_choice.then(|| RulesText::of_choice(request.engine.rules.as_ref())).transpose()?;
-        Ok(Self { agents, choice })
+        let choice = has_choice
+            .then(|| RulesText::or_built_in(request.engine.rules.as_ref(), EngineChoice::RULES_NAME))
+            .transpose()?;
+        let is_auto = request.integrator.method == Some(IntegratorChoice::Auto);
+        let technique = is_auto
+            .then(|| RulesText::or_built_in(request.integrator.rules.as_ref(), TechniqueChoice::RULES_NAME))
+            .transpose()?;
+        Ok(Self { agents, choice, technique })
     }
 }
 
-/// The rules by which agents choose the parameters and the engine of zones.
+/// The rules by which agents choose the parameters, the engine and the technique of zones.
 #[derive(Clone, Debug)]
 pub struct AgentRules {
     /// The rule sets of the agents, which carry them in turn; at least one.
     pub experts: Vec<Expert>,
     /// The rules that choose the engine of each zone; `None`: there is only one engine.
     pub choice: Option<EngineChoice>,
+    /// The rules that choose between paths and photons; `None`: the request does not leave this to rules.
+    pub technique: Option<TechniqueChoice>,
     /// Warnings about the rules.
     pub notes: Vec<String>,
     /// The texts that these rules were read from, for other machines; empty for built-in rules.
@@ -62,13 +73,14 @@ impl AgentRules {
         let texts = RuleTexts::of(request)?;
         let (experts, notes) = experts(texts.agents.clone())?;
         let choice = texts.choice.clone().map(engine_choice).transpose()?;
-        Ok(Self { experts, choice, notes, texts })
+        let technique = texts.technique.clone().map(technique_choice).transpose()?;
+        Ok(Self { experts, choice, technique, notes, texts })
     }
 
     /// Returns the built-in rules, for work that no agent does.
     pub fn built_in() -> Self {
         let experts = vec![Expert::path_tracing()];
-        Self { experts, choice: None, notes: Vec::new(), texts: RuleTexts::default() }
+        Self { experts, choice: None, technique: None, notes: Vec::new(), texts: RuleTexts::default() }
     }
 
     /// Returns the rules with the rule set of this machine in front.

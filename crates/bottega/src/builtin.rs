@@ -5,7 +5,7 @@ use std::{sync::Arc, time::Instant};
 use bottega_engines::{BuiltinEngine, BuiltinOptions, CancelSwitch, Urgency};
 use bottega_farm::{Goal, JobReport};
 use bottega_image::{Aov, Metadata, manifest, set_matte};
-use bottega_render::{PathSettings, integrator::Wave};
+use bottega_render::{PathSettings, TechniqueJudge, integrator::Wave};
 use bottega_scene::PartNames;
 
 use crate::{
@@ -79,6 +79,7 @@ impl BuiltinPainter {
             BuiltinEngine::on(scene, prepass, options, Arc::clone(&devices.resources))
                 .with_urgency(plan.urgency)
                 .with_light_groups(light_groups.clone())
+                .with_technique_judge(plan.technique.clone().map(|rules| rules as Arc<dyn TechniqueJudge>))
         };
         let mut made = engine(paths.planned_samples);
         // Only CPU threads learn guides, for a number of samples that must be estimated if the goal is a time.
@@ -176,6 +177,7 @@ fn name(request: &Request, subject: &LoadedScene, plan: &Plan) -> String {
         format!("seed={}", request.seed),
         format!("integrator={:?}", method.integrator),
         format!("photons={:?}", method.photons),
+        format!("technique-rules={:x}", paths.technique_rules),
         format!("guiding={}", paths.guiding),
         format!("agents={:?}", paths.agents),
         format!("filter={:?}", paths.filter),

@@ -32,6 +32,7 @@
 //! | processors and GPUs; the cost of work on each, and its measurement | [`devices`]: `src/devices/choice.rs`, `src/devices/costs.rs`, `src/devices/measure.rs`; devices kept open between pictures: `src/devices/kept.rs` |
 //! | utilization of processors and devices | `src/session/occupation.rs` |
 //! | expert rules, from files or built in; those of a picture's agents; their view for web pages | [`rules`], [`rule_texts`]; [`agent_rules`]; [`rule_view`] |
+//! | the choice between paths and photons by rules | `src/technique_choice.rs`, `rules/technique-choice.fcl` |
 //! | animations: the request of one frame; lists of frames and file names | `src/animation.rs`; [`frames`]: `src/frames/list.rs`, `src/frames/name.rs` |
 //! | the journal beside a picture | [`journal`] |
 //! | the Analyst's view of a scene; the noise of a picture; the difference of two pictures | [`analysis`], [`noise`], [`difference`] |
@@ -69,6 +70,7 @@ pub mod rule_view;
 pub mod rules;
 pub mod session;
 pub mod settings;
+mod technique_choice;
 mod tev;
 pub mod text;
 pub mod viewport;

@@ -9,6 +9,7 @@ use bottega_fuzzy::Limits;
 use crate::{
     error::Error,
     request::{RulesSource, RulesText},
+    technique_choice::TechniqueChoice,
 };
 
 impl RulesText {
@@ -20,7 +21,8 @@ impl RulesText {
         let technique = Technique::ALL.into_iter().find(|technique| Path::new(technique.rules_name()) == path);
         let choice = (Path::new(EngineChoice::RULES_NAME) == path).then_some(EngineChoice::RULES);
         let paper = (Path::new(PAPER_RULES_NAME) == path).then_some(PAPER_RULES);
-        let built_in = technique.map(Technique::rules).or(choice).or(paper).or_else(|| shipped_rules(path));
+        let paths_or_photons = (Path::new(TechniqueChoice::RULES_NAME) == path).then_some(TechniqueChoice::RULES);
+        let built_in = technique.map(Technique::rules).or(choice).or(paths_or_photons).or(paper).or_else(|| shipped_rules(path));
         let text = match built_in {
             Some(text) if !path.is_file() => text.to_owned(),
             _ => read_text(path)?,
@@ -40,14 +42,14 @@ impl RulesText {
         }
     }
 
-    /// Returns the rules that choose the engine of a zone: those of `source`, or the built-in ones without it.
+    /// Returns the rules of `source`, or the built-in ones of a name without it.
     ///
     /// # Errors
     /// The rules cannot be read.
-    pub fn of_choice(source: Option<&RulesSource>) -> Result<Self, Error> {
+    pub fn or_built_in(source: Option<&RulesSource>, name: &str) -> Result<Self, Error> {
         match source {
             Some(source) => source.read(),
-            None => Self::read(Path::new(EngineChoice::RULES_NAME)),
+            None => Self::read(Path::new(name)),
         }
     }
 }

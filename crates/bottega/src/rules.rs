@@ -6,7 +6,7 @@ use bottega_farm::{EngineChoice, Expert, ExpertError};
 use bottega_fuzzy::{Aggregate, Document, Explanation, FclErrorKind, FunctionBlock, Position, parse_document};
 use serde_json::{Map, Value, json};
 
-use crate::{error::Error, request::RulesText};
+use crate::{error::Error, request::RulesText, technique_choice::TechniqueChoice};
 
 /// The parsed text of rules in FCL, the Fuzzy Control Language.
 pub struct Source {
@@ -106,6 +106,15 @@ pub fn experts(texts: Vec<RulesText>) -> Result<(Vec<Expert>, Vec<String>), Erro
 /// The text is not valid FCL, or its rules do not choose an engine.
 pub fn engine_choice(text: RulesText) -> Result<EngineChoice, Error> {
     Source::of(text)?.understood(EngineChoice::new)
+}
+
+/// Returns the rules that choose between paths and photons.
+///
+/// # Errors
+/// The text is not valid FCL, or its rules do not choose a technique.
+pub fn technique_choice(text: RulesText) -> Result<TechniqueChoice, Error> {
+    let source = Source::of(text)?;
+    source.understood(|rules| TechniqueChoice::new(&source.text, rules))
 }
 
 /// Returns the names of a block's inputs as a phrase for messages.

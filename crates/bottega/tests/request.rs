@@ -110,6 +110,10 @@ fn change() -> impl Strategy<Value = Apply> {
             r.engine.names = vec!["builtin".to_owned(), "mitsuba".to_owned()];
             r.engine.rules = Some(v);
         }),
+        of(rules(), |r, v| {
+            r.integrator.method = Some(IntegratorChoice::Auto);
+            r.integrator.rules = Some(v);
+        }),
         of(map(), |r, v| r.engine.options = v),
         of(option::of(1u16..1024), |r, v| r.work.agents = v),
         of((0u8..=3, choice::<ImportanceChoice>()), |r, v| (r.work.level, r.work.importance) = v),
@@ -226,6 +230,7 @@ fn wrong_fields_are_refused_with_their_path() {
         (r#""guide": {"by": "none", "uses": ["lights"]}"#, &["`guide.uses`"]),
         (r#""engine": {"names": []}"#, &["`engine.names`"]),
         (r#""engine": {"names": ["builtin"], "rules": {"file": "a.fcl"}}"#, &["`engine.rules`"]),
+        (r#""integrator": {"method": "path", "rules": {"file": "a.fcl"}}"#, &["`integrator.rules`"]),
         (r#""devices": {"names": ["cpu", "auto"]}"#, &["`devices.names`"]),
         (r#""devices": {"names": ["H100"], "exact": true}"#, &["`devices.names`", "exact"]),
         (r#""frames": {"list": "5..3"}, "output": {"file": "a.exr"}"#, &["`frames.list`", "write 5..3:-1"]),

@@ -35,7 +35,7 @@ pub(crate) enum RulesCommand {
 
 #[derive(Debug, Args)]
 pub(crate) struct RulesCheckArgs {
-    /// FCL texts, or rules that come with the program: path-tracing, paper, photon-mapping, engine-choice, or the name of an engine.
+    /// FCL texts, or rules that come with the program: path-tracing, paper, photon-mapping, engine-choice, technique-choice, or the name of an engine.
     #[arg(value_name = "FILE", required = true, value_hint = ValueHint::FilePath)]
     pub(crate) files: Vec<PathBuf>,
     /// Exit with 1 also if there are warnings.
@@ -49,7 +49,7 @@ pub(crate) struct RulesCheckArgs {
 /// Some rules with their inputs laid out, and values for these.
 #[derive(Debug, Args)]
 pub(crate) struct LaidOutArgs {
-    /// An FCL text, or rules that come with the program: path-tracing, paper, photon-mapping, engine-choice, or the name of an engine.
+    /// An FCL text, or rules that come with the program: path-tracing, paper, photon-mapping, engine-choice, technique-choice, or the name of an engine.
     #[arg(value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(crate) file: PathBuf,
     /// The function block, if the file has several.

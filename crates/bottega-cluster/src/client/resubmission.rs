@@ -45,7 +45,8 @@ fn without_places(spec: &JobSpec) -> Request {
         *path = files.environment_name().map_or_else(|| last(path), PathBuf::from);
     }
     (request.engine.trust, request.engine.manifests) = (false, Vec::new());
-    for rules in request.work.rules.iter_mut().chain(&mut request.engine.rules) {
+    let Request { work, engine, integrator, .. } = &mut request;
+    for rules in work.rules.iter_mut().chain(&mut engine.rules).chain(&mut integrator.rules) {
         if let RulesSource::Text(text) = rules {
             text.name = last(&text.name);
         }

@@ -184,6 +184,7 @@ pub(crate) fn for_others(request: &Request, rules: &RuleTexts) -> Request {
     let mut request = request.clone();
     request.work.rules = rules.agents.iter().cloned().map(RulesSource::Text).collect();
     request.engine.rules = rules.choice.clone().map(RulesSource::Text);
+    request.integrator.rules = rules.technique.clone().map(RulesSource::Text);
     let WorkOptions { agents, .. } = &mut request.work;
     *agents = None;
     let DeviceOptions { threads, names, .. } = &mut request.devices;
@@ -222,6 +223,7 @@ impl JobSpec {
         let named = [
             ("work.rules", self.request.work.rules.iter().any(is_file)),
             ("engine.rules", self.request.engine.rules.as_ref().is_some_and(is_file)),
+            ("integrator.rules", self.request.integrator.rules.as_ref().is_some_and(is_file)),
             (
                 "environment.light",
                 !has_environment && matches!(self.request.environment.light, Some(EnvironmentLight::File(_))),
@@ -255,7 +257,7 @@ mod tests {
         (request.work.agents, request.devices.threads) = (Some(3), Some(2));
         let text =
             RulesText { name: "no-such-file.fcl".into(), text: "FUNCTION_BLOCK mine END_FUNCTION_BLOCK".to_owned() };
-        let sent = for_others(&request, &RuleTexts { agents: vec![text.clone()], choice: None });
+        let sent = for_others(&request, &RuleTexts { agents: vec![text.clone()], ..RuleTexts::default() });
         assert_eq!(sent.work.rules, [RulesSource::Text(text)]);
         assert_eq!((sent.work.agents, sent.devices.threads, sent.engine.rules), (None, None, None));
     }

@@ -42,7 +42,7 @@ pub struct Credentials {
     pub creds: Option<PathBuf>,
     /// The path of a file with the seed of an NKey. It takes precedence over the login of the address.
     pub nkey: Option<PathBuf>,
-    /// The path of a file with certificates of authorities, in addition to those of the system (PEM).
+    /// The path of a file with certificates of authorities, in place of those of the system (PEM).
     pub tls_ca: Option<PathBuf>,
     /// The paths of this machine's client certificate and of its private key (PEM).
     pub tls_own: Option<(PathBuf, PathBuf)>,

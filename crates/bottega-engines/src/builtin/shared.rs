@@ -6,7 +6,7 @@ use std::sync::{
 };
 
 use bottega_image::{Layout, Tile};
-use bottega_render::{LightGroups, PathSettings, PreparedScene, Prepass, View};
+use bottega_render::{LightGroups, PathSettings, PreparedScene, Prepass, TechniqueJudge, View};
 
 /// The name of the built-in engine.
 pub(crate) const NAME: &str = "builtin";
@@ -39,6 +39,8 @@ pub(super) struct Shared {
     pub(super) options: BuiltinOptions,
     /// Groups of lights whose light is kept in the averaged layers.
     pub(super) light_groups: Option<Arc<LightGroups>>,
+    /// The rules that choose between paths and photons, for a picture that tries photons.
+    pub(super) technique_judge: Option<Arc<dyn TechniqueJudge>>,
     /// The number of devices, without the CPU.
     pub(super) devices: usize,
     pub(super) cancelled: AtomicBool,

@@ -1,13 +1,13 @@
 //! Row updates for untrusted agents: votes, discarded samples, forgiven attempts.
 
-use bottega_agents::AgentId;
+use bottega_agents::{AgentId, machine_of};
 
 use super::zone::{ZoneRow, ZoneState};
 
 impl ZoneRow {
-    /// Returns true if no agent with the same [`home`](AgentId::home) as `agent` has voted on the zone's current step.
+    /// Returns true if no agent on the machine of `agent` has voted on the zone's current step.
     pub fn is_new_to(&self, agent: &AgentId) -> bool {
-        self.votes.iter().all(|vote| vote.agent.home() != agent.home())
+        self.votes.iter().all(|vote| machine_of(&vote.agent.name) != machine_of(&agent.name))
     }
 
     /// Returns the row without its samples, votes and times: the zone is open again. The chosen settings stay, because

@@ -8,7 +8,7 @@
 
 use std::{sync::Arc, time::Duration};
 
-use bottega_agents::{AgentId, Time};
+use bottega_agents::{AgentId, Time, machine_of};
 
 use super::{assignments::Assignments, comparisons::Comparisons, config::MasterConfig, trust::Trust};
 use crate::{FarmAction, FarmEffect, FarmMessage, Painting, ResultRef, Vote, ZoneId, ZoneRow, ZoneState};
@@ -220,7 +220,7 @@ impl Verification {
         }
         let Assignments { roster, ledger, .. } = assignments;
         // Count the machines, not the agents
-        let mut machines: Vec<&str> = roster.iter().map(|member| member.row.agent.home()).collect();
+        let mut machines: Vec<&str> = roster.iter().map(|member| machine_of(&member.row.agent.name)).collect();
         machines.sort_unstable();
         machines.dedup();
         let (present, wanted) = (machines.len(), self.config.verify as usize);

@@ -1,6 +1,6 @@
 """Expert rules of agents: evaluating, explaining, checking.
 
-`file` is an FCL file, or the name of built-in rules: `path-tracing`, `paper`, `photon-mapping`, `engine-choice`, or
+`file` is an FCL file, or the name of built-in rules: `path-tracing`, `paper`, `photon-mapping`, `engine-choice`, `technique-choice`, or
 the name of an engine.
 
 >>> from bottega import rules

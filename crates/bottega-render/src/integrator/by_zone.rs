@@ -3,9 +3,9 @@
 //! Some pixels are rendered by both techniques, twice each. The difference of the two results is the random error of a
 //! technique. Photons have another error, that of their maps, which no further sample reduces. It is assumed to be small
 //! unless paths contradict: the product of the differences of both results from both results of paths, which are right on
-//! average, has the square of that error as its mean. Paths that miss most of the light cannot contradict. The technique
-//! with the smaller error times work is chosen, for the number of samples of the picture. Work is counted, not timed, so
-//! the choice is the same on every machine.
+//! average, has the square of that error as its mean. Paths that miss most of the light cannot contradict. Rules choose
+//! the technique by error times work, for the number of samples of the picture. Work is counted, not timed, so the choice
+//! is the same on every machine.
 
 use std::sync::Arc;
 
@@ -25,7 +25,7 @@ use crate::{
     prepass::Prepass,
     sampler::{DimensionSet, PixelSampler},
     settings::{PathSettings, PhotonSettings, View},
-    technique::{TechniquePlan, TriedPhotons},
+    technique::{TechniqueEvidence, TechniqueJudge, TechniquePlan, TriedPhotons},
 };
 
 /// Seed of the trial, which no picture uses.
@@ -43,17 +43,11 @@ const PIXELS_PER_ZONE: f64 = 48.0;
 const ZONES_MAX: f64 = 8.0;
 /// Weight of the result of all pixels in each zone, in pixels.
 const COMMON_PIXELS: f64 = 48.0;
-/// Factor by which photons must be better than paths, by the geometric mean of both measures.
-const GAIN_MIN: f64 = 1.1;
-/// Factor by which the other technique must be better in a zone than that of most of the picture: a zone has few pixels.
-const ZONE_GAIN_MIN: f64 = 1.5;
 /// Relative squared error of paths in the trial from which the whole picture has one technique: where paths find rare
 /// light, they look exact in zones that miss it.
 const NOISY: f64 = 0.25;
 /// Share of the pixels, those with the greatest errors of paths, that do not count unless paths are very noisy.
 const OUTLIERS: f64 = 0.01;
-/// Factor by which photons may be worse by one of both measures.
-const LOSS_MAX: f64 = 1.25;
 /// Relative error of photon maps that is assumed unless paths contradict.
 const MAP_ERROR: f64 = 0.012;
 /// Share of the light of photons that paths must find to be believed.
@@ -115,12 +109,12 @@ pub(super) enum Chosen<'a> {
 }
 
 impl<'a> Chosen<'a> {
-    /// Creates the integrators of a picture that tries photons. The trial runs here if `prepass` has no plan yet.
+    /// Creates the integrators of a picture that tries photons.
     ///
     /// - `wanted`: optional values of each sample.
     ///
     /// # Errors
-    /// [`RenderError::PhotonsInMedia`], [`RenderError::EmptyPicture`].
+    /// [`RenderError::PhotonsInMedia`], [`RenderError::EmptyPicture`]; [`RenderError::Untried`]: `prepass` has no plan yet.
     pub(super) fn new(
         prepared: &'a PreparedScene,
         prepass: &Prepass,
@@ -130,7 +124,7 @@ impl<'a> Chosen<'a> {
     ) -> Result<Self, RenderError> {
         let paths = PathIntegrator::new(prepared, prepass, view, settings)?.with_wanted(wanted);
         let Some(tried) = TriedPhotons::of(view, settings) else { return Ok(Self::Paths(paths)) };
-        let plan = choose_techniques(prepared, prepass, view, settings, tried.trial)?;
+        let plan = prepass.known_technique(view, settings).ok_or(RenderError::Untried)?;
         if plan.only() == Some(false) {
             return Ok(Self::Paths(paths));
         }
@@ -144,7 +138,7 @@ impl<'a> Chosen<'a> {
 
 /// Returns the techniques of a picture's zones, and chooses them if `prepass` has no plan yet.
 ///
-/// - `photons`: those of the trial.
+/// - `photons`: those of the trial, which must have been cast unless paths cannot judge them.
 ///
 /// # Errors
 /// [`RenderError::PhotonsInMedia`], [`RenderError::EmptyPicture`].
@@ -153,14 +147,14 @@ pub(crate) fn choose_techniques(
     prepass: &Prepass,
     view: &View,
     settings: &PathSettings,
-    photons: PhotonSettings,
+    (photons, judge): (PhotonSettings, &dyn TechniqueJudge),
 ) -> Result<Arc<TechniquePlan>, RenderError> {
     if let Some(known) = prepass.known_technique(view, settings) {
         return Ok(known);
     }
     let paths = PathIntegrator::new(prepared, prepass, view, settings)?;
     let photons = PhotonIntegrator::new(prepared, prepass, view, settings, photons)?;
-    Ok(prepass.technique(view, settings, || TechniqueTrial::new(&paths, &photons, view).plan()))
+    Ok(prepass.technique(view, settings, || TechniqueTrial::new(&paths, &photons, view).plan(judge)))
 }
 
 /// A trial of both techniques.
@@ -230,7 +224,7 @@ impl<'a, 'b> TechniqueTrial<'a, 'b> {
     }
 
     /// Renders the pixels, and returns the plan.
-    fn plan(&self) -> TechniquePlan {
+    fn plan(&self, judge: &dyn TechniqueJudge) -> TechniquePlan {
         let prepared = self.paths.prepared();
         // Paths find no light of point lights over mirrors and through glass, so they cannot judge photons
         if prepared.hides_light() {
@@ -238,39 +232,58 @@ impl<'a, 'b> TechniqueTrial<'a, 'b> {
         }
         self.photons.cast(0..1);
         let errors = prepared.on_threads(|| self.tried());
-        let noise = errors.iter().map(|it| it.random[0][0]).sum::<f64>() / errors.len().max(1) as f64;
+        let is_preferred = |evidence: &TechniqueEvidence| judge.preference(evidence) > 0.0;
+        let noise = mean(&errors, |it| it.random[0][0]);
         if noise > NOISY || !are_believed(&errors) {
-            return TechniquePlan::whole(is_worth(self.ratios(&errors, false)));
+            let evidence = self.evidence(&errors, false);
+            return TechniquePlan::whole(is_preferred(&evidence));
         }
-        let common = self.ratios(without_outliers(&mut errors.clone()), true);
-        let usual = is_worth(common);
+        let whole = self.evidence(without_outliers(&mut errors.clone()), true);
+        let usual = is_preferred(&whole);
         // Sort the pixels into the zones of the plan
         let side = (errors.len() as f64 / PIXELS_PER_ZONE).sqrt().floor().clamp(1.0, ZONES_MAX) as u32;
         let mut by_zone = vec![Vec::new(); (side * side) as usize];
         for (&(x, y), errors) in self.pixels.iter().zip(&errors) {
             by_zone[TechniquePlan::zone([side, side], self.paths.place(x, y))].push(*errors);
         }
-        // Choose another technique in a zone only if it is clearly better there
+        // Judge each zone, with the result of all pixels beside its own few
         let is_by_photons = |zone: &Vec<PixelErrors>| {
-            let count = zone.len() as f64;
-            let (own, common) = (geometric_mean(self.ratios(zone, true)), geometric_mean(common));
-            let blended = (count * own + COMMON_PIXELS * common) / (count + COMMON_PIXELS);
-            match usual {
-                _ if !blended.is_finite() || !are_believed(zone) => usual,
-                true => blended < ZONE_GAIN_MIN,
-                false => blended * ZONE_GAIN_MIN < 1.0,
+            let own = self.evidence(zone, true);
+            if !own.gain.is_finite() || !are_believed(zone) {
+                return usual;
             }
+            let share = zone.len() as f64 / (zone.len() as f64 + COMMON_PIXELS);
+            let blended = |own: f64, common: f64| common + share * (own - common);
+            is_preferred(&TechniqueEvidence {
+                gain: blended(own.gain, whole.gain),
+                worse_gain: blended(own.worse_gain, whole.worse_gain),
+                picture: Some(usual),
+                ..own
+            })
         };
         let plan = TechniquePlan::new(side, side, by_zone.iter().map(is_by_photons).collect());
         plan.unwrap_or_else(|| TechniquePlan::whole(usual))
+    }
+
+    /// Returns the evidence of some pixels, for a judgment of the whole picture.
+    ///
+    /// - `believes`: `true`: paths may contradict photons.
+    fn evidence(&self, errors: &[PixelErrors], believes: bool) -> TechniqueEvidence {
+        let gains = self.ratios(errors, believes).map(|ratio| -ratio.log2());
+        TechniqueEvidence {
+            gain: 0.5 * (gains[0] + gains[1]),
+            worse_gain: gains[0].min(gains[1]),
+            found: share_found(errors),
+            noise: mean(errors, |it| it.random[0][0]),
+            picture: None,
+        }
     }
 
     /// Returns error times work of photons over that of paths, by both measures, at the samples of the picture.
     ///
     /// - `believes`: `true`: paths may contradict photons.
     fn ratios(&self, errors: &[PixelErrors], believes: bool) -> [f64; 2] {
-        let count = errors.len().max(1) as f64;
-        let mean = |value: &dyn Fn(&PixelErrors) -> f64| errors.iter().map(value).sum::<f64>() / count;
+        let mean = |value: &dyn Fn(&PixelErrors) -> f64| mean(errors, value);
         let [path_work, photon_work] = [0, 1].map(|technique: usize| mean(&|it| it.work[technique]));
         // The error of the maps stays, while random errors fall by the number of samples
         let planned = f64::from(self.paths.settings().planned_samples.max(1)) / f64::from(self.samples);
@@ -278,7 +291,7 @@ impl<'a, 'b> TechniqueTrial<'a, 'b> {
             let of_paths = mean(&|it| it.random[0][measure]) * path_work;
             // Believe paths that find the light, as far as they contradict by more than chance
             let (found, assumed) = (mean(&|it| it.of_maps[measure]), mean(&|it| it.assumed[measure]));
-            let spread = mean(&|it| (it.of_maps[measure] - found).powi(2)).sqrt() / count.sqrt();
+            let spread = mean(&|it| (it.of_maps[measure] - found).powi(2)).sqrt() / (errors.len().max(1) as f64).sqrt();
             let of_maps = if believes && are_believed(errors) { assumed.max(found - 2.0 * spread) } else { assumed };
             (mean(&|it| it.random[1][measure]) + of_maps * planned) * photon_work / of_paths
         })
@@ -334,19 +347,19 @@ fn without_outliers(errors: &mut [PixelErrors]) -> &[PixelErrors] {
     &errors[..kept]
 }
 
+/// Returns the light that paths find over the light that photons find, at most 1.
+fn share_found(errors: &[PixelErrors]) -> f64 {
+    let [by_paths, by_photons] = [0, 1].map(|technique: usize| mean(errors, |it| it.brightness[technique]));
+    if by_paths < by_photons { by_paths / by_photons } else { 1.0 }
+}
+
 /// Returns `true` if paths find the light of photons, so that they can contradict them.
 fn are_believed(errors: &[PixelErrors]) -> bool {
-    let sum = |technique: usize| errors.iter().map(|it| it.brightness[technique]).sum::<f64>();
-    sum(0) >= FOUND_MIN * sum(1)
+    share_found(errors) >= FOUND_MIN
 }
 
-fn geometric_mean([relative, shown]: [f64; 2]) -> f64 {
-    (relative * shown).sqrt()
-}
-
-/// Returns `true` if photons are better by these ratios of error times work.
-fn is_worth(ratios: [f64; 2]) -> bool {
-    ratios.iter().all(|&ratio| ratio <= LOSS_MAX) && geometric_mean(ratios) * GAIN_MIN < 1.0
+fn mean(errors: &[PixelErrors], value: impl Fn(&PixelErrors) -> f64) -> f64 {
+    errors.iter().map(value).sum::<f64>() / errors.len().max(1) as f64
 }
 
 #[cfg(test)]
@@ -425,6 +438,5 @@ mod tests {
         let tried = |first: f32, second: f32| Tried { radiance: [first, second].map(Spectrum::splat), work: 1.0 };
         let errors = PixelErrors::new(&tried(1.0, 1.1), &tried(1.5, 1.5));
         assert!(errors.of_maps[0] > 10.0 * errors.assumed[0] && errors.random[1] == [0.0; 2], "{errors:?}");
-        assert!(is_worth([0.5, 1.2]) && !is_worth([0.1, 1.3]) && !is_worth([0.95, 0.9]));
     }
 }

@@ -20,7 +20,7 @@ use crate::{
     prepass::Prepass,
     settings::{PathSettings, PhotonSettings, View},
     sharing::{Executors, LaterStages, Sharing},
-    technique::TriedPhotons,
+    technique::{TechniqueJudge, TriedPhotons},
     work::{RenderOutput, RenderWork},
 };
 
@@ -71,6 +71,7 @@ pub fn cast_photons(
 /// each zone. Does nothing more than learning if the picture has too few samples for photons.
 ///
 /// - `prepass`, `client`, `others`: as for [`cast_photons`].
+/// - `judge`: the rules with the digest [`PathSettings::technique_rules`].
 ///
 /// # Errors
 /// The same as [`cast_photons`].
@@ -79,8 +80,8 @@ pub fn prepare_techniques(
     prepass: &Arc<Prepass>,
     view: &View,
     settings: &PathSettings,
-    client: &HraClient<RenderWork>,
-    others: Option<&dyn Sharing>,
+    judge: &dyn TechniqueJudge,
+    (client, others): (&HraClient<RenderWork>, Option<&dyn Sharing>),
 ) -> Result<(), RenderError> {
     match others {
         Some(others) => learn_together(scene, prepass, view, settings, others)?,
@@ -98,7 +99,7 @@ pub fn prepare_techniques(
         cast(tried.trial, LEARNING_STAGES)?;
     }
     // Cast all photons if some zones need them
-    if choose_techniques(scene, prepass, view, settings, tried.trial)?.only() != Some(false) {
+    if choose_techniques(scene, prepass, view, settings, (tried.trial, judge))?.only() != Some(false) {
         cast(tried.zones, LEARNING_STAGES + STAGES_MAX)?;
     }
     Ok(())

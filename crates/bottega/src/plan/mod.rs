@@ -6,7 +6,7 @@
 mod job;
 mod part;
 
-use std::{collections::BTreeMap, num::NonZeroU32};
+use std::{collections::BTreeMap, num::NonZeroU32, sync::Arc};
 
 use bottega_engines::Urgency;
 use bottega_farm::{Goal, JobSettings};
@@ -25,6 +25,7 @@ use crate::{
     method::Method,
     request::{IntegratorChoice, Request},
     settings::{asks_for_agents, directions, filter, guide_agents, max_depth},
+    technique_choice::TechniqueChoice,
 };
 
 /// Largest number of samples per pixel for which the guide is planned if the final number is unknown.
@@ -36,6 +37,8 @@ pub struct Plan {
     pub method: Method,
     /// The settings of paths: depth, pixel filter, guiding, and the samples per pixel that learning is planned for.
     pub paths: PathSettings,
+    /// The rules that choose between paths and photons, with `--integrator auto`.
+    pub technique: Option<Arc<TechniqueChoice>>,
     /// The settings of the job: film, layers, samples, goal, zones, agents and their rules.
     pub job: JobSettings,
     /// The devices that the request allows.
@@ -88,6 +91,7 @@ impl Plan {
             planned_samples: planned_samples(&job),
             photons: method.photons,
             tries_photons: method.integrator == IntegratorChoice::Auto,
+            technique_rules: rules.technique.as_ref().map_or(0, TechniqueChoice::digest),
             ..PathSettings::default()
         };
         // Choose devices
@@ -97,6 +101,7 @@ impl Plan {
         Ok(Self {
             method,
             paths,
+            technique: rules.technique.map(Arc::new),
             job,
             devices,
             gpu_memory: request.devices.memory_mb.map(|mib| u64::from(mib) << 20),

@@ -309,6 +309,8 @@ sections! {
         method: Option<IntegratorChoice> = None,
         /// Maximum number of bounces: 0 emission only, 1 direct light, and so on; none: what the scene file asks for, or 16.
         max_depth: Option<u32> = None => 0..=DEPTH_MAX,
+        /// Rules that choose between paths and photons, with `auto`; none: the built-in ones.
+        rules: Option<RulesSource> = None,
         /// Light samples per bounce.
         light_samples: u32 = 1 => 1..=LIGHT_SAMPLES_MAX,
         /// True to make rays and shading separate work units, so that any device can trace the rays, as in the HRA paper.

@@ -7,7 +7,8 @@ use thiserror::Error as ThisError;
 
 use super::{
     BandChoice, CameraPose, DeviceChoice, DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions,
-    FarmOptions, FilmOptions, GoalOptions, GuideChoice, GuideOptions, InvalidField, OutputOptions, PhotonOptions,
+    FarmOptions, FilmOptions, GoalOptions, GuideChoice, GuideOptions, IntegratorChoice, InvalidField, OutputOptions,
+    PhotonOptions,
     REQUEST_VERSION, Request, SceneOptions, ShutterTimes, ViewOptions, WorkOptions, limits::*, ranged::within,
 };
 use crate::frames::{FrameName, frame_name_help};
@@ -100,6 +101,9 @@ impl Request {
         self.devices.validate()?;
         self.output.validate()?;
         self.farm.validate_tags()?;
+        if self.integrator.rules.is_some() && self.integrator.method != Some(IntegratorChoice::Auto) {
+            return Err(InvalidField::new("integrator.rules", "given", "it needs --integrator auto, or leave it out"));
+        }
         not_both("film.light_groups", !self.film.light_groups.is_empty(), "engine.names", !self.engine.is_builtin())?;
         self.validate_strangers()?;
         self.validate_frames()

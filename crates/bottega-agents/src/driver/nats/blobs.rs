@@ -166,10 +166,17 @@ impl NatsBlobs {
             let inbox = self.context.client().new_inbox();
             let number = inbox.rsplit('.').next().unwrap_or(&inbox).to_owned();
             let parts = self.parts_of(&number);
-            let kept = self.send(name, &number, &parts, bytes).await;
-            let stale = match &kept {
-                Ok(()) => before.map(|before| self.parts_of(&before.nuid)),
-                Err(_) => Some(parts),
+            let sent = self.send(name, &number, &parts, bytes).await;
+            let (kept, stale) = match sent {
+                Ok(()) => (Ok(()), before.map(|before| self.parts_of(&before.nuid))),
+                // Perhaps only the last confirmation was lost
+                Err(error) => match self.store.info(name).await {
+                    Ok(info) if info.nuid == number => (Ok(()), before.map(|before| self.parts_of(&before.nuid))),
+                    Ok(_) => (Err(error), Some(parts)),
+                    Err(missing) if missing.kind() == InfoErrorKind::NotFound => (Err(error), Some(parts)),
+                    // Parts of an unknown state are deleted later if nothing refers to them
+                    Err(_) => (Err(error), None),
+                },
             };
             if let Some(stale) = stale {
                 self.purge(stale).await;
@@ -280,19 +287,23 @@ impl NatsBlobs {
 
     /// Returns all blobs of the farm, with their sizes and ages. Some or all are missing if the server does not answer.
     pub fn list(&self) -> Vec<StoredBlob> {
-        let infos = self.handle.block_on(self.infos());
+        let (infos, _) = self.handle.block_on(self.infos());
         let blob = |info: ObjectInfo| StoredBlob { age: age_of(&info), bytes: info.size as u64, name: info.name };
         infos.into_iter().map(blob).collect()
     }
 
-    async fn infos(&self) -> Vec<ObjectInfo> {
-        let Ok(mut list) = self.store.list().await else { return Vec::new() };
+    /// Returns the descriptions of all blobs, and `true` if none can be missing.
+    async fn infos(&self) -> (Vec<ObjectInfo>, bool) {
+        let Ok(mut list) = self.store.list().await else { return (Vec::new(), false) };
         let mut infos = Vec::new();
-        // A blob deleted during the listing may never be reported
-        while let Ok(Some(Ok(info))) = tokio::time::timeout(SILENT, list.next()).await {
-            infos.push(info);
+        loop {
+            // A blob deleted during the listing may never be reported
+            match tokio::time::timeout(SILENT, list.next()).await {
+                Ok(Some(Ok(info))) => infos.push(info),
+                Ok(None) => return (infos, true),
+                Ok(Some(Err(_))) | Err(_) => return (infos, false),
+            }
         }
-        infos
     }
 
     /// Deletes parts that belong to no blob, because their sender failed in the middle, as far as the server answers.
@@ -310,7 +321,11 @@ impl NatsBlobs {
                 }
                 Err(error) => return tracing::debug!(%error, "parts of blobs cannot be listed"),
             };
-            let known: BTreeSet<String> = self.infos().await.iter().map(|info| self.parts_of(&info.nuid)).collect();
+            let (infos, is_whole) = self.infos().await;
+            if !is_whole {
+                return tracing::debug!("blobs cannot be listed, so none of their parts is known to be stray");
+            }
+            let known: BTreeSet<String> = infos.iter().map(|info| self.parts_of(&info.nuid)).collect();
             for subject in subjects.into_iter().filter(|subject| !known.contains(subject)) {
                 let last = self.stream.get_last_raw_message_by_subject(&subject).await;
                 if last.is_ok_and(|last| since(last.time.into()) > after) {
@@ -338,7 +353,7 @@ impl NatsBlobs {
     /// - `is_dead`: returns true if a blob with this name, stored this long ago, must be deleted.
     pub fn forget_all(&self, mut is_dead: impl FnMut(&str, Duration) -> bool) {
         self.handle.block_on(async {
-            for info in self.infos().await {
+            for info in self.infos().await.0 {
                 if is_dead(&info.name, age_of(&info)) {
                     self.let_go(&info).await;
                 }
