@@ -8,7 +8,8 @@ use std::{
 /// The report of a picture's lighting agents: their number, their cost, and the answers that they gave.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AgentReport {
-    /// Number of agents that were cast.
+    /// Number of agents sent out by all lights together, without clones and scouts:
+    /// [`AgentSettings::cast`](crate::AgentSettings::cast).
     pub cast: u32,
     /// Number of agents that are stored, including clones and scouts.
     pub agents: u64,

@@ -15,7 +15,7 @@ pub struct LightGroups {
     by: GroupedBy,
 }
 
-/// What the groups of light depend on.
+/// The criterion by which light is grouped.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum GroupedBy {
     /// The light that sends it.

@@ -7,7 +7,7 @@ const FINDERS: u32 = 3;
 /// Number of kinds.
 const KINDS: usize = (FINDERS * (BOUNCES_MAX + 1)) as usize;
 
-/// What found the light at the end of a path.
+/// The kind of ray or sample that found the light at the end of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LightFinder {
     /// A light sample with its shadow ray.
@@ -23,7 +23,7 @@ pub enum LightFinder {
 pub struct PathKind {
     /// Number of bounces of the light; the greatest one also stands for more.
     pub bounces: u32,
-    /// What found the light.
+    /// The finder of the light.
     pub finder: LightFinder,
 }
 
@@ -67,7 +67,7 @@ impl PathKind {
         Self { bounces: end.depth.min(BOUNCES_MAX), finder }
     }
 
-    /// Returns the set of groups with this kind alone.
+    /// Returns the set of groups, one bit each, that contains this kind alone.
     #[inline(always)]
     pub(crate) fn bit(self) -> u32 {
         1 << (self.bounces * FINDERS + self.finder as u32)

@@ -19,7 +19,7 @@ pub struct CornerMesh<'a> {
     pub corner_vertices: Option<&'a [i32]>,
     /// The corners of each triangle, counter-clockwise seen from the front.
     pub triangles: &'a [[i32; 3]],
-    /// Normals by corner, of any length above 0; `None`: flat shading.
+    /// Normals by corner, of any length; the surface's own replaces one of length 0. `None`: flat shading.
     pub normals: Option<&'a [[f32; 3]]>,
     /// Two sets of texture coordinates by corner.
     pub uvs: [Option<&'a [[f32; 2]]>; 2],

@@ -31,9 +31,9 @@ pub struct Iridescence {
     pub thickness_texture: Option<(TextureMap, Channel)>,
 }
 
-/// A superset of glTF 2.0's metallic-roughness model and its extensions, in the manner of the Dielectric Specular and
-/// OpenPBR family. From the outside in: sheen over coat over base; the base is a mix of metal, transmitting dielectric
-/// and diffuse dielectric.
+/// A layered surface: glTF 2.0's metallic-roughness model with its extensions, and subsurface scattering; similar to
+/// Dassault Systèmes' Enterprise PBR and OpenPBR. From the outside in: sheen over coat over base; the base is a mix of
+/// metal, transmitting dielectric and diffuse dielectric.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Layered {
     /// Reflectance of the diffuse and metal base, tint of the transmission. Vertex colours multiply it.
