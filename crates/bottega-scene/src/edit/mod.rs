@@ -200,7 +200,8 @@ impl SceneEditor {
     ///
     /// # Errors
     /// The key is empty or, with [`PutMode::New`], taken; an array is wrong; a curve has no length, unless these are
-    /// left out; the material does not exist; or an object that places the mesh has a matrix that moves it out of reach.
+    /// left out; the material does not exist; or an object that places the mesh has a matrix that moves it out of
+    /// reach.
     pub fn put_curves(
         &mut self,
         key: &str,
@@ -301,8 +302,8 @@ impl SceneEditor {
     ///
     /// # Errors
     /// There is no such object; the times are not finite, do not ascend or are more than 4096; a key has another number
-    /// of matrices than the object has instances; or a matrix is singular, moves the mesh out of reach, or mirrors where
-    /// others do not.
+    /// of matrices than the object has instances; or a matrix is singular, moves the mesh out of reach, or mirrors
+    /// where others do not.
     pub fn set_object_motion(&mut self, key: &str, motion: Vec<(f64, Vec<Affine3A>)>) -> Result<(), EditError> {
         let object = PlacedObject { motion, ..self.objects.get(key)?.clone() };
         object.check_motion(self.meshes.get(&object.mesh)?.parts.bounds)?;
@@ -337,8 +338,8 @@ impl SceneEditor {
     ///   radius in scene units. Empty: the sphere stands still.
     ///
     /// # Errors
-    /// There is no such sphere; the times are not finite, do not ascend or are more than 4096; a centre is out of reach;
-    /// or a radius is not above 0 and at most [`COORDINATE_MAX`](crate::COORDINATE_MAX).
+    /// There is no such sphere; the times are not finite, do not ascend or are more than 4096; a centre is out of
+    /// reach; or a radius is not above 0 and at most [`COORDINATE_MAX`](crate::COORDINATE_MAX).
     pub fn set_sphere_motion(&mut self, key: &str, motion: Vec<(f64, Vec3, f32)>) -> Result<(), EditError> {
         let sphere = &self.spheres.get(key)?.sphere;
         let world_from_object = sphere.world_from_object;
