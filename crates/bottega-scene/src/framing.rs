@@ -35,8 +35,9 @@ impl Camera {
         frame(toward_camera, bounds, corners(bounds), aspect)
     }
 
-    /// Returns a camera that frames a scene: from the front, above and the right, unless that shows many more back faces
-    /// than the best of the six sides, as of a room that is open on one side only. Then it looks from such a side.
+    /// Returns a camera that frames a scene: from the front, above and the right, unless that shows many more back
+    /// faces than the best of the six sides, as of a room that is open on one side only. Then it looks from such a
+    /// side.
     ///
     /// - `aspect`: width over height of the picture; a camera for 1 also frames wider pictures.
     ///

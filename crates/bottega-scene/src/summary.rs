@@ -26,7 +26,8 @@ pub struct SceneSummary {
     pub stored_triangle_count: u64,
     /// Number of spheres that are not triangulated.
     pub sphere_count: usize,
-    /// Number of parts that have keys of motion; see [`Scene::has_motion`].
+    /// Number of placed meshes, spheres, lights and cameras that have keys of motion; keys of vertices count for each
+    /// placed mesh.
     pub moving_count: usize,
     /// Times at which the shutter opens and is closed, in the unit of the file.
     pub shutter: [f64; 2],

@@ -21,7 +21,7 @@ pub enum LightFinder {
 /// The kind of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PathKind {
-    /// Number of bounces of the light; the greatest one also stands for more.
+    /// Number of bounces of the light, 0 to 7; 7 also stands for more.
     pub bounces: u32,
     /// The finder of the light.
     pub finder: LightFinder,
