@@ -89,7 +89,7 @@ impl Default for Aperture {
 pub struct Stereo {
     /// The places of the two pictures, or the eye whose picture it is.
     pub layout: StereoLayout,
-    /// Distance between the eyes, in scene units.
+    /// Distance between the eyes, in scene units, 0 or more. In panoramas it falls to 0 towards the poles.
     pub eye_distance: f32,
     /// Distance at which the two pictures agree, in scene units, above 0: of a plane, or the radius of a sphere for
     /// panoramas. Infinite: the eyes look in parallel.
@@ -192,8 +192,8 @@ pub struct Camera {
 }
 
 /// The near and far clip planes of a camera; distances along its axis, in scene units. A camera ray starts at the near
-/// plane, and if it hits nothing before the far plane it sees the environment. Other rays ignore them. Panoramic
-/// cameras have none.
+/// plane, and if it hits nothing before the far plane it sees the environment. Other rays ignore them. They have no
+/// effect with fisheyes, panoramas and [`Camera::lenses`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Clip {
     /// Distance of the near plane, 0 or more.

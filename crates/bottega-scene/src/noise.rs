@@ -17,7 +17,7 @@ pub struct Octaves {
     pub roughness: f32,
 }
 
-/// Largest number of octaves.
+/// The maximum of [`Octaves::count`].
 pub const OCTAVES_MAX: u32 = 64;
 
 /// A number that varies in space by noise.

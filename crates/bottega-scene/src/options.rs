@@ -19,8 +19,8 @@ pub struct LoadOptions {
     pub environment_rotation: f32,
     /// Factor of the radiance of the `environment` picture.
     pub environment_intensity: f32,
-    /// Time at which animations are evaluated, in seconds. `None`: the scene as the file describes it, or the start of
-    /// [`animation`](Self::animation) if that is set.
+    /// Time at which animations are evaluated, in seconds. `None`: the scene as the file describes it, or time 0 if
+    /// [`animation`](Self::animation) or [`shutter`](Self::shutter) is set.
     pub at: Option<f32>,
     /// The span of time that the picture shows, relative to [`at`](Self::at); `None`: that of the file, which for glTF
     /// and USD is one moment.
@@ -51,7 +51,7 @@ pub struct LoadOptions {
     pub defines: Vec<(String, String)>,
     /// Maximal number of pixels of a picture. Checked by its header, before it is decoded.
     pub max_image_pixels: u64,
-    /// Maximal memory of the scene's meshes, instances and pictures together, in bytes.
+    /// Maximal memory of the scene's files, meshes, instances, pictures and grids together, in bytes.
     pub max_memory_bytes: usize,
 }
 

@@ -18,12 +18,12 @@ pub enum LightFinder {
     Mirror,
 }
 
-/// The kind of a path.
+/// The kind of a path: its number of bounces, and the way in which it found its light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PathKind {
     /// Number of bounces of the light, 0 to 7; 7 also stands for more.
     pub bounces: u32,
-    /// The finder of the light.
+    /// The kind of ray or sample that found the light.
     pub finder: LightFinder,
 }
 
