@@ -173,7 +173,7 @@ pub struct Camera {
     /// The shape of the lens's opening.
     #[serde(default)]
     pub aperture: Aperture,
-    /// The lenses that replace the thin lens of a perspective camera.
+    /// The lenses that replace field of view and thin lens of a perspective camera; `None`: it has a thin lens.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lenses: Option<LensSystem>,
     /// The eyes of a stereo picture; `None`: one eye.
@@ -186,7 +186,7 @@ pub struct Camera {
     /// `true`: the camera does not see emitters. Emissive surfaces let camera rays pass and the environment is black,
     /// but both still light the scene (Mitsuba's `hide_emitters`).
     pub hides_emitters: bool,
-    /// Keys of [`Self::world_from_camera`], if the camera moves.
+    /// Keys of [`Self::world_from_camera`], if the camera moves; empty: it stands still.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub motion: Vec<TransformKey>,
 }

@@ -38,7 +38,7 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
     /// Index into [`Scene::materials`].
     pub material: u32,
-    /// Curves, if the triangles are only the hull around them.
+    /// Curves, if the triangles are only the hull around them; `None`: the triangles are the surface.
     pub curves: Option<Box<FacingCurves>>,
     /// Keys of vertices that move; empty: they stand still. Tangents stay as they are.
     pub motion: Vec<MeshKey>,

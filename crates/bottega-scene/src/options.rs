@@ -13,7 +13,8 @@ pub const DISPLACEMENT_MAX: u8 = 12;
 /// The options for loading a scene, and the limits on its size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadOptions {
-    /// A latitude-longitude picture (HDR, EXR, PFM, PNG, JPEG and others) that replaces the file's environment.
+    /// A latitude-longitude picture (HDR, EXR, PFM, PNG, JPEG and others) that replaces the file's environment; `None`:
+    /// that of the file stays.
     pub environment: Option<PathBuf>,
     /// Rotation of the `environment` picture about the y axis, counter-clockwise seen from above, in radians.
     pub environment_rotation: f32,
