@@ -12,7 +12,7 @@ use refined::split_long_edges;
 
 use crate::mapping::{MappingPoint, TexturePlace};
 
-/// The most triangles of a displaced mesh.
+/// The most triangles of a displaced mesh; a quarter of it if [`displace`] gets no level.
 pub const DISPLACED_FACES_MAX: usize = 1 << 22;
 /// The most triangles of a displaced mesh if the request does not say how fine it is.
 const USUAL_FACES_MAX: usize = 1 << 20;

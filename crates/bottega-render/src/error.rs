@@ -37,7 +37,7 @@ pub enum RenderError {
     /// The allocator rejected the work.
     #[error("the allocator refused the work")]
     Submit(#[from] bottega_hra::SubmitError),
-    /// A work unit failed.
+    /// The allocator did not finish a work unit.
     #[error("a unit of work was lost")]
     Unit(#[from] bottega_hra::UnitError),
     /// A work unit failed with one of the other errors.

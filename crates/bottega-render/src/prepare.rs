@@ -30,8 +30,9 @@ use crate::{
 pub struct PrepareOptions {
     /// Number of threads for building; 0: all of the machine. The result does not depend on it.
     pub threads: usize,
-    /// `true`: leaves to BSDF sampling those parts of the environment that it samples well enough (MIS compensation);
-    /// `false`: light sampling alone finds the whole environment.
+    /// `true`: leaves to BSDF sampling those parts of the environment that it samples well enough (MIS compensation),
+    /// which is correct only with [`DirectLight::Combined`](crate::DirectLight::Combined); `false`: light sampling
+    /// covers the whole environment.
     pub compensate_environment: bool,
 }
 
@@ -73,7 +74,8 @@ impl PreparedScene {
         Ok(Self::with_accel(scene, accel, options))
     }
 
-    /// Prepares a scene whose acceleration structure exists. The scene is not validated again.
+    /// Prepares a scene whose acceleration structure exists. The scene is not validated again: [`Scene::validate`] must
+    /// accept it.
     ///
     /// - `accel`: result of [`build_accel`] for the same scene, or for one of the same shapes.
     pub fn with_accel(scene: Arc<Scene>, accel: impl Into<Arc<Accel>>, options: &PrepareOptions) -> Self {

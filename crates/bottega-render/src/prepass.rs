@@ -37,7 +37,7 @@ fn guide_key(view: &View, settings: &PathSettings) -> GuideKey {
 type GuidePlace = Arc<OnceLock<Arc<Guide>>>;
 
 impl Prepass {
-    /// Returns the memory of guides and photon maps, in bytes.
+    /// Returns the memory of guides, photon maps, irradiance caches and lighting agents, in bytes.
     pub fn memory_bytes(&self) -> usize {
         let guides = self.guides.lock().unwrap_or_else(PoisonError::into_inner);
         let guides = guides.iter().filter_map(|(_, place)| place.get()).map(|guide| guide.memory_bytes());
@@ -108,14 +108,15 @@ impl Prepass {
     }
 
     /// Returns the number of zones that photons render, and that of all zones, of a picture that tries photons; `None`:
-    /// nothing is decided yet, or the picture is too small to try them.
+    /// the picture does not try them, has too few samples for it, or nothing is decided yet.
     pub fn zones_by_photons(&self, view: &View, settings: &PathSettings) -> Option<[usize; 2]> {
         TriedPhotons::of(view, settings)?;
         Some(self.techniques.place(view, settings).get()?.counts())
     }
 
-    /// Returns the data learnt for a view and settings as bytes, for other machines that render the same picture;
-    /// `None`: nothing is learnt yet, or the picture is progressive.
+    /// Returns the data learnt for a view and settings as bytes, for other machines that render the same picture: the
+    /// guide, or photon maps and agents, or for a picture that tries photons its plan with both. `None`: nothing is
+    /// learnt yet, or the photon mapping is progressive.
     pub fn learnt(&self, prepared: &PreparedScene, view: &View, settings: &PathSettings) -> Option<Vec<u8>> {
         if settings.tries_photons {
             return self.learnt_techniques(prepared, view, settings);

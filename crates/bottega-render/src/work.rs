@@ -50,7 +50,7 @@ pub enum RenderWork {
     Photons(Box<PhotonWork>),
     /// Estimates irradiance from photons at a batch of points.
     Irradiance(IrradianceWork),
-    /// Traces a batch of lighting agents from the lights.
+    /// Casts a batch of lighting agents from the lights.
     Agents(AgentWork),
     /// Lets agents sense their surroundings.
     Sensors(Box<SensorWork>),
@@ -71,7 +71,8 @@ pub struct BlockWork {
     pub tile: Tile,
     /// Indices of the samples to add to each pixel.
     pub samples: Range<u32>,
-    /// Groups of light whose sums are kept apart, in the averaged layers of the tile; `None`: there are none.
+    /// Groups of light whose sums are kept apart, in the averaged layers of the tile; `None`: there are none. Photon
+    /// mapping adds nothing to them.
     pub light_groups: Option<Arc<LightGroups>>,
 }
 
@@ -86,7 +87,7 @@ pub struct ProbeWork {
     pub settings: Arc<PathSettings>,
     /// The block of pixels.
     pub rect: Rect,
-    /// Number of samples per pixel.
+    /// Number of samples per pixel; 0 counts as 1.
     pub sample_count: u32,
 }
 

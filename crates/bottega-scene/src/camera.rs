@@ -89,7 +89,7 @@ impl Default for Aperture {
 pub struct Stereo {
     /// The places of the two pictures, or the eye whose picture it is.
     pub layout: StereoLayout,
-    /// Distance between the eyes, in scene units.
+    /// Distance between the eyes, in scene units, 0 or more. In panoramas it falls to 0 towards the poles.
     pub eye_distance: f32,
     /// Distance at which the two pictures agree, in scene units, above 0: of a plane, or the radius of a sphere for
     /// panoramas. Infinite: the eyes look in parallel.
@@ -173,7 +173,7 @@ pub struct Camera {
     /// The shape of the lens's opening.
     #[serde(default)]
     pub aperture: Aperture,
-    /// The lenses that replace the thin lens of a perspective camera.
+    /// The lenses that replace field of view and thin lens of a perspective camera; `None`: it has a thin lens.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lenses: Option<LensSystem>,
     /// The eyes of a stereo picture; `None`: one eye.
@@ -186,14 +186,14 @@ pub struct Camera {
     /// `true`: the camera does not see emitters. Emissive surfaces let camera rays pass and the environment is black,
     /// but both still light the scene (Mitsuba's `hide_emitters`).
     pub hides_emitters: bool,
-    /// Keys of [`Self::world_from_camera`], if the camera moves.
+    /// Keys of [`Self::world_from_camera`], if the camera moves; empty: it stands still.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub motion: Vec<TransformKey>,
 }
 
 /// The near and far clip planes of a camera; distances along its axis, in scene units. A camera ray starts at the near
-/// plane, and if it hits nothing before the far plane it sees the environment. Other rays ignore them. Panoramic
-/// cameras have none.
+/// plane, and if it hits nothing before the far plane it sees the environment. Other rays ignore them. They have no
+/// effect with fisheyes, panoramas and [`Camera::lenses`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Clip {
     /// Distance of the near plane, 0 or more.

@@ -47,12 +47,12 @@ pub enum SceneError {
         /// Guess from the first bytes, such as "a Blender file".
         found: String,
     },
-    /// The file contradicts its own header: it was cut off or overwritten.
+    /// The file contradicts its format or its own header, for example because it was cut off or overwritten.
     #[error("`{}` is damaged: {problem}; copy or export it again", printable_path(path))]
     Damaged {
         /// The damaged file.
         path: PathBuf,
-        /// The contradiction within the file.
+        /// The contradiction, and where it is.
         problem: String,
     },
     /// A scene file that Bottega wrote has another version of the format.
@@ -129,7 +129,7 @@ pub enum SceneError {
         /// The inconsistency or invalid value.
         problem: String,
     },
-    /// The scene exceeds a limit of [`LoadOptions`](crate::LoadOptions).
+    /// The scene exceeds a limit of [`LoadOptions`](crate::LoadOptions) or of its importer.
     #[error("`{}`{}: {problem}; {remedy}", printable_path(path), at(place))]
     Limit {
         /// The scene file.

@@ -35,10 +35,15 @@ impl Camera {
         frame(toward_camera, bounds, corners(bounds), aspect)
     }
 
-    /// Returns a camera that frames a scene: from the front, above and the right, unless that shows mostly back faces,
-    /// as of a room that is open on one side only.
+    /// Returns a camera that frames a scene: from the front, above and the right, unless that shows many more back
+    /// faces than the best of the six sides, as of a room that is open on one side only. Then it looks from such a
+    /// side.
     ///
     /// - `aspect`: width over height of the picture; a camera for 1 also frames wider pictures.
+    ///
+    /// # Panics
+    ///
+    /// If an instance places a mesh that does not exist.
     pub fn framing_scene(scene: &Scene, aspect: f32) -> Self {
         let bounds = scene.bounds();
         let mesh_bounds: Vec<(Vec3, Vec3)> = scene.meshes.iter().map(Mesh::bounds).collect();

@@ -16,7 +16,7 @@ use crate::values::VALUE_MAX;
 /// Numbers or colours in the cells of a regular grid that fills the unit cube. All values are finite and at least 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
-    /// GridCells along x, y and z.
+    /// Number of cells along x, y and z.
     size: [u32; 3],
     cells: GridCells,
     blend: Blend,

@@ -11,9 +11,9 @@ use crate::integrator::IntegratorHint;
 pub struct RenderHints {
     /// Columns and rows of the whole picture, in pixels.
     pub resolution: Option<[u32; 2]>,
-    /// Visible part of the picture, in pixels: first column and row, columns and rows.
+    /// Visible part of the picture, in pixels: first column, first row, number of columns, number of rows.
     pub crop: Option<[u32; 4]>,
-    /// Samples per pixel.
+    /// Number of samples per pixel.
     pub samples: Option<u32>,
     /// Maximal number of bounces: 0 is directly visible emission only, 1 direct light; `u32::MAX`: no limit.
     pub max_depth: Option<u32>,
@@ -95,7 +95,7 @@ impl Default for FilmFilter {
 pub struct Metadata {
     /// Name of the format.
     pub format: &'static str,
-    /// Program that wrote the file.
+    /// Program that wrote the file; `None`: the file does not say.
     pub generator: Option<String>,
     /// Extensions of the format that the file uses.
     pub extensions: Vec<String>,

@@ -32,7 +32,7 @@ pub enum TransportPaths {
 /// Parameters of photon mapping in a file; `None`: not given.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PhotonHints {
-    /// Photons per pass.
+    /// Number of photons emitted in each pass.
     pub count: Option<u32>,
     /// Gather radius of the first pass, in scene units.
     pub radius: Option<f32>,

@@ -31,21 +31,22 @@ struct PreparedLenses {
 /// A ray that leaves the lenses, in camera space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LensRay {
-    /// Origin, on the first surface.
+    /// Origin, on the front surface: the one farthest from the film.
     pub origin: Vec3,
     /// Direction, not of unit length.
     pub direction: Vec3,
-    /// Irradiance on the film for a radiance of π along the ray, divided by π: cos⁴ of the angle on the film times the area
-    /// that was sampled, over the squared distance to it.
+    /// Irradiance on the film per radiance along the ray, in sr: cos⁴ of the angle at the film × the area of the exit
+    /// pupil ∕ the squared distance of its plane from the film.
     pub weight: f32,
 }
 
 impl LensSystem {
-    /// Prepares a system: moves the film into focus, and finds the part of the last surface through which each place of
-    /// the film sees the scene.
+    /// Prepares a system: moves the film into focus, and finds the exit pupil of each place of the film: the rectangle,
+    /// in the plane of the surface next to the film, through which it sees the scene.
     ///
     /// # Errors
-    /// A number is out of range, the plane cannot be in focus, or no light passes through the lenses.
+    /// The number of surfaces or one of their numbers is out of range, the lenses do not collect light although a focus
+    /// distance is given, the plane at that distance cannot be in focus, or no light passes through the lenses.
     pub fn new(description: LensDescription) -> Result<Self, LensError> {
         description.check()?;
         let surfaces = description.focused()?;
@@ -67,10 +68,12 @@ impl LensSystem {
         &self.0.description
     }
 
-    /// Traces a ray from the film through the lenses. `None`: they block it.
+    /// Traces a ray from the film through the lenses into the scene. Returns the ray that leaves the front surface,
+    /// with its weight; `None`: the lenses block it.
     ///
-    /// - `film`: x and y of a position on the film, camera space, in scene units; the axis is at 0.
-    /// - `numbers`: uniform random numbers in [0, 1) for the place on the last surface.
+    /// - `film`: position on the film, camera space, in scene units; (0, 0) is on the optical axis.
+    /// - `numbers`: uniform random numbers in [0, 1) that choose a point of the exit pupil, in the plane of the surface
+    ///   next to the film.
     pub fn ray(&self, film: Vec2, numbers: [f32; 2]) -> Option<LensRay> {
         let PreparedLenses { surfaces, pupils, .. } = &*self.0;
         let (rear, area) = pupils.sample(film, numbers);

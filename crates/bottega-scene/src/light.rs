@@ -64,7 +64,7 @@ pub enum LightKind {
         world_from_light: Affine3A,
         /// The picture, (0, 0) in its upper left corner; black outside of it.
         picture: TextureMap,
-        /// Factor of the picture: radiant intensity on the axis, in W·sr⁻¹. It falls off as 1/cos³ of the angle to the
+        /// Factor of the picture: radiant intensity on the axis, in W·sr⁻¹. It grows as 1/cos³ of the angle to the
         /// axis, so a screen perpendicular to the axis is lit evenly.
         #[serde(with = "crate::numbers")]
         intensity: Spectrum,

@@ -56,8 +56,9 @@ impl From<Scene> for Loaded {
 /// [`LoadOptions::add_sky`] is off. Other guesses and omissions are reported as warnings.
 ///
 /// # Errors
-/// A file cannot or must not be read, is of an unknown format, is damaged or needs too much memory; the scene has no
-/// such animation or variant as `options` ask for; one of [`LoadOptions::asset_roots`] is not a folder; with
+/// A file cannot or must not be read, is of an unknown format or version, is damaged or invalid, or needs too much
+/// memory or an extension that is not supported; the scene has no such animation or variant as `options` ask for; the
+/// picture [`LoadOptions::environment`] cannot be decoded; one of [`LoadOptions::asset_roots`] is not a folder; with
 /// [`LoadOptions::strict`], also unsupported features.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     let mut budget = MemoryBudget::new(options.max_memory_bytes);

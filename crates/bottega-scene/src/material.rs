@@ -109,8 +109,8 @@ pub enum ReliefRule {
     Bent,
     /// The rules of Mitsuba 3.
     Mitsuba {
-        /// `true`: a shading normal that faces away from the viewer is flipped to the other side of the geometric
-        /// normal. `false`: the surface is black from there.
+        /// `true`: a shading normal that faces away from the viewer is mirrored at the unperturbed normal. `false`: the
+        /// surface is black from there.
         turns: bool,
         /// `true`: light at grazing angles is reduced, as if the relief cast shadows.
         shadows: bool,

@@ -40,8 +40,8 @@ pub struct Medium {
 pub struct Variation {
     /// Factors of absorption and scattering.
     pub density: Density,
-    /// Factor of emission; `None`: 1. Emission is also multiplied by the factor of absorption, except with
-    /// [`Blackbody::times_density`] `false`.
+    /// Factor of emission; `None`: 1. Emission is also multiplied by the factor of absorption (of the extinction, with
+    /// [`Density::WithAlbedo`]), except with [`Blackbody::times_density`] `false`.
     pub emission: Option<EmissionVariation>,
     /// World space to the unit cube of the grids. Outside, the medium is empty.
     pub grid_from_world: Affine3A,

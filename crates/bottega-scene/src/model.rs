@@ -32,13 +32,13 @@ pub struct Mesh {
     pub tangents: Vec<Vec4>,
     /// Texture coordinates: up to two sets.
     pub uvs: [Vec<Vec2>; 2],
-    /// Vertex colours, linear RGBA; they multiply the base colour.
+    /// Vertex colours, linear RGBA; RGB multiplies the base colour of layered materials, alpha the opacity.
     pub colors: Vec<Vec4>,
     /// Vertex indices, counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
     /// Index into [`Scene::materials`].
     pub material: u32,
-    /// Curves, if the triangles are only the hull around them.
+    /// Curves, if the triangles are only the hull around them; `None`: the triangles are the surface.
     pub curves: Option<Box<FacingCurves>>,
     /// Keys of vertices that move; empty: they stand still. Tangents stay as they are.
     pub motion: Vec<MeshKey>,
@@ -56,7 +56,7 @@ pub struct Instance {
     pub world_from_object: Affine3A,
     /// Kinds of ray for which the instance exists.
     pub visibility: Visibility,
-    /// Keys of [`Self::world_from_object`], if the instance moves. None is singular or mirrors.
+    /// Keys of [`Self::world_from_object`], if the instance moves. No key is singular or mirrors.
     pub motion: Vec<TransformKey>,
 }
 
@@ -213,7 +213,7 @@ impl Mesh {
         pieces.into_iter().chain(moved).fold(EMPTY, |whole, (min, max)| grow(grow(whole, min), max))
     }
 
-    /// Returns the memory of the mesh's vertices, triangles and curves, in bytes.
+    /// Returns the memory of the mesh's vertices, triangles, curves and keys, in bytes.
     pub fn memory_bytes(&self) -> usize {
         bytes_of(&self.positions)
             + bytes_of(&self.normals)
@@ -350,6 +350,10 @@ impl Scene {
     }
 
     /// Returns the number of triangles of all instances: a mesh counts once for each of its instances.
+    ///
+    /// # Panics
+    ///
+    /// If an instance places a mesh that does not exist.
     pub fn triangle_count(&self) -> u64 {
         self.instances.iter().map(|instance| self.meshes[instance.mesh as usize].triangles.len() as u64).sum()
     }
@@ -373,7 +377,11 @@ impl Scene {
             || self.cameras.iter().any(|it| !it.motion.is_empty())
     }
 
-    /// Returns true if anything emits light: a placed surface, a light or the environment.
+    /// Returns true if the scene has a light, an environment that is not black, or an emissive surface that is placed.
+    ///
+    /// # Panics
+    ///
+    /// If an instance or a sphere refers to a mesh or material that does not exist.
     pub fn has_light(&self) -> bool {
         let emits = |material: u32| self.materials[material as usize].is_emissive();
         self.environment.as_ref().is_some_and(|environment| environment.factor.max_element() > 0.0)

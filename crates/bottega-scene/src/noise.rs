@@ -17,7 +17,7 @@ pub struct Octaves {
     pub roughness: f32,
 }
 
-/// Largest number of octaves.
+/// The maximum of [`Octaves::count`].
 pub const OCTAVES_MAX: u32 = 64;
 
 /// A number that varies in space by noise.
@@ -35,13 +35,12 @@ pub enum Noise {
 impl Noise {
     /// Returns the value at a point.
     ///
-    /// - `resolved`: number of octaves of [`Fbm`](Self::Fbm) that a lookup resolves, which fades out finer ones;
-    ///   infinity: all.
+    /// - `resolved`: number of octaves that a lookup resolves; finer ones fade to their mean. Infinity: all.
     pub fn value(&self, p: Vec3, resolved: f32) -> f32 {
         self.at(p.to_array(), resolved)
     }
 
-    /// Returns the gradient of [`value`](Self::value).
+    /// Returns the gradient of [`value`](Self::value), with the same arguments.
     pub fn gradient(&self, p: Vec3, resolved: f32) -> Vec3 {
         self.at(Sloped::axes(p), resolved).slope
     }
@@ -137,7 +136,7 @@ impl Octaves {
         sum + N::constant(hidden)
     }
 
-    /// Returns fractional Brownian motion and its gradient.
+    /// Returns fractional Brownian motion at a point, and its gradient; `resolved` as for [`Noise::value`].
     pub fn fbm_and_gradient(&self, p: Vec3, resolved: f32) -> (f32, Vec3) {
         let sum = self.fbm(Sloped::axes(p), resolved);
         (sum.value, sum.slope)

@@ -18,7 +18,7 @@ pub struct ObjectsOnly<D>(pub D);
 /// Deserializes a whole JSON text in which structs are objects, not lists.
 ///
 /// # Errors
-/// The text is not JSON of this type, or has more behind it.
+/// The text is not JSON of this type, has a list in place of a struct, or has more behind it.
 pub fn from_json<'de, T: Deserialize<'de>>(json: &'de [u8]) -> serde_json::Result<T> {
     let mut deserializer = serde_json::Deserializer::from_slice(json);
     let value = T::deserialize(ObjectsOnly(&mut deserializer))?;

@@ -4,23 +4,24 @@ use std::path::PathBuf;
 
 use crate::motion::Shutter;
 
-/// The most refinements of subdivision surfaces.
+/// The maximum of [`LoadOptions::subdivision`].
 pub const SUBDIVISION_MAX: u8 = 6;
 
-/// The most halvings of the edges of displaced meshes.
+/// The maximum of [`LoadOptions::displacement`].
 pub const DISPLACEMENT_MAX: u8 = 12;
 
 /// The options for loading a scene, and the limits on its size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadOptions {
-    /// A latitude-longitude picture (HDR, EXR, PFM, PNG, JPEG and others) that replaces the file's environment.
+    /// A latitude-longitude picture (HDR, EXR, PFM, PNG, JPEG and others) that replaces the file's environment; `None`:
+    /// that of the file stays.
     pub environment: Option<PathBuf>,
     /// Rotation of the `environment` picture about the y axis, counter-clockwise seen from above, in radians.
     pub environment_rotation: f32,
     /// Factor of the radiance of the `environment` picture.
     pub environment_intensity: f32,
-    /// Time at which animations are evaluated, in seconds. `None`: the scene as the file describes it, or the start of
-    /// [`animation`](Self::animation) if that is set.
+    /// Time at which animations are evaluated, in seconds. `None`: the scene as the file describes it (USD: at the
+    /// earliest time), or time 0 if glTF's [`animation`](Self::animation) or a [`shutter`](Self::shutter) is chosen.
     pub at: Option<f32>,
     /// The span of time that the picture shows, relative to [`at`](Self::at); `None`: that of the file, which for glTF
     /// and USD is one moment.
@@ -30,8 +31,8 @@ pub struct LoadOptions {
     /// The variant to use: for glTF the name or number of a variant of materials, for USD a choice such as
     /// `/Car{color=red}`. `None`: that of the file.
     pub variant: Option<String>,
-    /// Number of refinements of subdivision surfaces, from 0 (their polygons) to [`SUBDIVISION_MAX`]; `None`: 2 for
-    /// meshes that name their scheme, and 0 for others.
+    /// Number of refinements of USD's subdivision surfaces, from 0 (their polygons) to [`SUBDIVISION_MAX`]; `None`: 2
+    /// for meshes that name their scheme, and 0 for others. Those of pbrt have a number of their own.
     pub subdivision: Option<u8>,
     /// Number of times that the longest edge of a displaced mesh is halved, from 0 to [`DISPLACEMENT_MAX`]; `None`: edges
     /// are as long as a texel of the texture. Part of the scene's digest; meshes are displaced when it is prepared.
@@ -51,7 +52,7 @@ pub struct LoadOptions {
     pub defines: Vec<(String, String)>,
     /// Maximal number of pixels of a picture. Checked by its header, before it is decoded.
     pub max_image_pixels: u64,
-    /// Maximal memory of the scene's meshes, instances and pictures together, in bytes.
+    /// Maximal memory of the scene's files, meshes, instances, pictures and grids together, in bytes.
     pub max_memory_bytes: usize,
 }
 

@@ -11,7 +11,7 @@ pub struct ColorParam {
     /// Factor of the texture; the colour itself without a texture.
     #[serde(with = "crate::numbers")]
     pub factor: Spectrum,
-    /// The texture, of which RGB is used.
+    /// The texture, of which RGB is used; `None`: the colour is the factor.
     pub texture: Option<TextureMap>,
 }
 
@@ -20,7 +20,7 @@ pub struct ColorParam {
 pub struct ScalarParam {
     /// Factor of the texture; the number itself without a texture.
     pub factor: f32,
-    /// The texture, and the channel that is used.
+    /// The texture, and the channel that is used; `None`: the number is the factor.
     pub texture: Option<(TextureMap, Channel)>,
 }
 

@@ -21,6 +21,10 @@ pub struct PartNames {
 
 impl PartNames {
     /// Returns the names of the parts of a scene, in the order of the scene's lists.
+    ///
+    /// # Panics
+    ///
+    /// If an instance places a mesh that does not exist.
     pub fn new(scene: &Scene) -> Self {
         let or_number = |name: &str, kind: &str, number: usize| {
             if name.is_empty() { format!("{kind}.{number}") } else { name.to_owned() }

@@ -40,7 +40,7 @@ impl Mesh {
 
     /// Returns a sphere of triangles, front outside, with smooth normals and texture coordinates.
     ///
-    /// - `rows`: bands from pole to pole, at least 2; there are twice as many columns.
+    /// - `rows`: number of bands from pole to pole; fewer than 2 count as 2. There are twice as many columns.
     pub fn uv_sphere(center: Vec3, radius: f32, rows: u32) -> Self {
         let rows = rows.max(2);
         let columns = 2 * rows;

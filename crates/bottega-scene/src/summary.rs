@@ -14,7 +14,7 @@ use crate::model::{Instance, Scene};
 pub struct SceneSummary {
     /// Metadata of the scene file.
     pub metadata: Metadata,
-    /// BLAKE3 of all bytes that were read, hexadecimal.
+    /// BLAKE3 of all bytes that were read and of the options chosen, hexadecimal.
     pub digest: String,
     /// Number of meshes.
     pub mesh_count: usize,
@@ -26,13 +26,14 @@ pub struct SceneSummary {
     pub stored_triangle_count: u64,
     /// Number of spheres that are not triangulated.
     pub sphere_count: usize,
-    /// Number of placed meshes, spheres, lights and cameras that have keys of motion.
+    /// Number of placed meshes, spheres, lights and cameras that have keys of motion; keys of vertices count for each
+    /// placed mesh.
     pub moving_count: usize,
     /// Times at which the shutter opens and is closed, in the unit of the file.
     pub shutter: [f64; 2],
-    /// Least and greatest coordinates of all shapes, world space.
+    /// Least and greatest coordinates of all shapes, at all keys, world space; both 0 if there are none.
     pub bounds: (Vec3, Vec3),
-    /// Memory of meshes, instances and pictures, in bytes.
+    /// Memory of meshes, instances, spheres, pictures and grids, in bytes.
     pub memory_bytes: usize,
     /// Name and projection of each camera.
     pub cameras: Vec<(String, &'static str)>,
@@ -50,6 +51,10 @@ impl SceneSummary {
     /// Returns the summary of a scene.
     ///
     /// - `metadata`: of the file that the scene was read from.
+    ///
+    /// # Panics
+    ///
+    /// If the scene has an index out of range, which [`Scene::validate`] excludes.
     pub fn new(scene: &Scene, metadata: &Metadata) -> Self {
         let environment = scene.environment.as_ref().map(|environment| {
             environment.image.map(|image| scene.images[image.0 as usize].name.clone()).unwrap_or_default()

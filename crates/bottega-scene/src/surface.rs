@@ -329,7 +329,8 @@ impl Surface {
         }
     }
 
-    /// Returns true if the surface reflects or refracts specularly, at least in part: smooth metal, glass and coats.
+    /// Returns true if the surface reflects or refracts specularly, at least in part: smooth metal or glass, or a
+    /// smooth boundary above a base. The clear coats of [`Principled`] and [`Layered`] do not count.
     pub fn has_mirror(&self) -> bool {
         match self {
             Self::Conductor(conductor) => conductor.facets.is_smooth(),

@@ -42,16 +42,18 @@ pub struct Agent {
     pub normal: Vec3,
     /// Direction against the agent's flight; unit length.
     pub to_light: Vec3,
-    /// Number of the agent's light in the light tree; `u32::MAX`: a light at infinity.
+    /// Number of the agent's light in the light tree; `u32::MAX`: a light at infinity, or no light: a scout, or an
+    /// agent of the camera.
     pub light: u32,
-    /// Distance from the point from which the agent was cast, in scene units.
+    /// Distance from the point from which the agent was cast, in scene units; 0 for an agent of the camera.
     pub distance: f32,
     /// Distance from the previous surface or from the light, in scene units; for an agent of the camera, the radius of its
     /// neighbourhood.
     pub gap: f32,
-    /// Number of the cast; identifies the agent together with `clone`.
+    /// Number of the cast, from 0; identifies the agent together with `clone`.
     pub cast: u32,
-    /// Number of surfaces before it: 0 for the agent itself, more for its clones; scouts have numbers above all clones.
+    /// Number of surfaces before it: 0 for the agent itself, more for its clones; scouts have numbers above all clones,
+    /// and agents of the camera numbers above all scouts.
     pub clone: u32,
     /// `true`: the surface is matte, so irradiance is all that matters.
     pub is_matte: bool,

@@ -170,7 +170,7 @@ impl Moments {
 }
 
 /// Returns δ_k of equation 1 for the samples in one local sphere: their standard deviation divided by the mean of their
-/// lengths, which is the mean for nonnegative values. `None`: fewer than two samples.
+/// lengths, which is the mean for nonnegative values; 0 if all are 0. `None`: fewer than two samples.
 ///
 /// - `values`: one per sample; scalars are in the first coordinate.
 pub fn useful_data_density(values: &[Vec3]) -> Option<f32> {
@@ -188,8 +188,8 @@ impl Density {
 }
 
 impl Samples {
-    /// Traces the photons, or casts the agents, of a picture in the way that the picture does, and computes their
-    /// values by each criterion.
+    /// Traces the photons of a picture, or casts its agents, in the way that its rendering does. Returns them with
+    /// their values by each criterion.
     ///
     /// - `prepass`: belongs to `scene`; it keeps the agents.
     /// - `settings`: with the settings of photons and agents; defaults take the place of missing ones.

@@ -8,9 +8,10 @@ use std::{
 /// The report of a picture's lighting agents: their number, their cost, and the answers that they gave.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AgentReport {
-    /// Number of agents that were cast.
+    /// Number of agents sent out by all lights together, without clones and scouts:
+    /// [`AgentSettings::cast`](crate::AgentSettings::cast).
     pub cast: u32,
-    /// Number of agents that are stored, including clones and scouts.
+    /// Number of agents that are stored, including clones, scouts and agents of the camera.
     pub agents: u64,
     /// Number of clones: agents behind the first surface.
     pub clones: u64,
@@ -20,7 +21,8 @@ pub struct AgentReport {
     pub links: u64,
     /// Number of agents that answer "lit", "shaded" and "trace a shadow ray".
     pub answers: [u64; 3],
-    /// Mean distance between objects, in scene units.
+    /// Mean distance from a light to the first surface, and from surface to surface, of the agents on the visible part
+    /// of the scene; in scene units.
     pub object_distance: f32,
     /// Memory of the agents' maps, in bytes.
     pub map_bytes: u64,

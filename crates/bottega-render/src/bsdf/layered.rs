@@ -155,7 +155,7 @@ impl Layered {
 }
 
 impl LayeredAt<'_> {
-    /// Draws a direction, see [`BsdfAt::sample`](super::BsdfAt::sample).
+    /// Draws a direction; arguments and `None` as for [`BsdfAt::sample`](super::BsdfAt::sample).
     pub(super) fn sample(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
         let Self { layers, mode, wo, carried, profile, chances } = self;
         let base = &layers.base;

@@ -201,7 +201,7 @@ record! {
         pub cos_inner: f32,
         /// Cosine of the angle beyond which the intensity is 0.
         pub cos_outer: f32,
-        /// Code of the light's fall-off.
+        /// Code of the light's fall-off, see [`code::SPOT_SQUARED_COSINE`].
         pub falloff: u32,
     }
 }
@@ -291,7 +291,7 @@ record! {
 record! {
     /// The environment light: a radiance from each direction, uniform or from a picture.
     pub struct EnvironmentRecord {
-        /// Code of the environment's sampling.
+        /// Code of the environment's sampling, see [`code::DENSITY_NONE`].
         pub kind: u32,
         /// 1 if the environment's picture is an equal-area one, else 0.
         pub is_equal_area: bool,
@@ -346,7 +346,7 @@ record! {
         pub shift: Vec2,
         /// Two over the picture's size in pixels.
         pub double_pixel: Vec2,
-        /// Code of the camera's projection.
+        /// Code of the camera's projection, see [`code::CAMERA_PERSPECTIVE`].
         pub kind: u32,
         /// Radius of the lens, in scene units; 0 for a pinhole.
         pub lens_radius: f32,

@@ -230,8 +230,8 @@ impl EnvironmentLight {
         }
     }
 
-    /// Samples a direction at a point: returns it with its radiance and its density. `u[0]` chooses a portal, `u[1]` and
-    /// `u[2]` the direction.
+    /// Samples a direction at a point. Returns it with its radiance and its density; `None`: no light for these
+    /// numbers. `u[0]` chooses a portal, `u[1]` and `u[2]` the direction.
     pub(crate) fn sample_at(&self, scene: &Scene, from: Vec3, u: Quad) -> Option<(Vec3, Spectrum, SolidAnglePdf)> {
         let Some(portals) = &self.portals else { return self.sample(scene, [u[1], u[2]]) };
         let direction = portals.sample(from, u)?;

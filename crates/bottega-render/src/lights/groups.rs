@@ -15,7 +15,7 @@ pub struct LightGroups {
     by: GroupedBy,
 }
 
-/// What the groups of light depend on.
+/// The criterion by which light is grouped.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum GroupedBy {
     /// The light that sends it.
@@ -39,9 +39,9 @@ struct GroupsOfLights {
 }
 
 impl LightGroups {
-    /// Largest number of groups of a picture.
+    /// Largest number of groups of lights. [`Self::by_path`] makes more groups.
     pub const MAX: usize = 16;
-    /// The name of the environment among the lights.
+    /// The name by which the environment is known among the lights; see [`Self::new`].
     pub const ENVIRONMENT: &str = "environment";
 
     /// Assigns the lights of a scene to groups. Emission inside media belongs to none.

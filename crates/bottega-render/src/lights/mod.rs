@@ -279,7 +279,7 @@ impl Lights {
         Some(LightSample { pdf: sample.pdf * pmf, pmf, ..sample })
     }
 
-    /// Samples a point on a given light: `pdf` is the density of the direction alone.
+    /// Samples a point on a given light: `pdf` is the density of the direction alone. `None`: no light arrives.
     #[inline(always)]
     pub(crate) fn sample_place(&self, surfaces: &Surfaces, light: u32, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
         let sample = match &self.lights[light as usize] {

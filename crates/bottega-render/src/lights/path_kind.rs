@@ -7,7 +7,7 @@ const FINDERS: u32 = 3;
 /// Number of kinds.
 const KINDS: usize = (FINDERS * (BOUNCES_MAX + 1)) as usize;
 
-/// What found the light at the end of a path.
+/// The kind of ray or sample that found the light at the end of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LightFinder {
     /// A light sample with its shadow ray.
@@ -18,12 +18,12 @@ pub enum LightFinder {
     Mirror,
 }
 
-/// The kind of a path.
+/// The kind of a path: its number of bounces, and the way in which it found its light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PathKind {
-    /// Number of bounces of the light; the greatest one also stands for more.
+    /// Number of bounces of the light, 0 to 7; 7 also stands for more.
     pub bounces: u32,
-    /// What found the light.
+    /// The kind of ray or sample that found the light.
     pub finder: LightFinder,
 }
 
@@ -67,7 +67,7 @@ impl PathKind {
         Self { bounces: end.depth.min(BOUNCES_MAX), finder }
     }
 
-    /// Returns the set of groups with this kind alone.
+    /// Returns the set of groups, one bit each, that contains this kind alone.
     #[inline(always)]
     pub(crate) fn bit(self) -> u32 {
         1 << (self.bounces * FINDERS + self.finder as u32)

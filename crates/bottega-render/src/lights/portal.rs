@@ -57,7 +57,7 @@ impl Portals {
         self.0.iter().map(|opening| opening.integral(from)).sum::<f64>() as f32
     }
 
-    /// Draws a direction from a point, with density [`pdf`](Self::pdf).
+    /// Draws a direction from a point, with density [`pdf`](Self::pdf). `None`: no portal sends light to the point.
     pub(super) fn sample(&self, from: Vec3, u: Quad) -> Option<Vec3> {
         let total: f64 = self.0.iter().map(|opening| opening.integral(from)).sum();
         let mut rest = f64::from(u[0]) * total;

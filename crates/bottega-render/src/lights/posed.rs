@@ -30,7 +30,7 @@ impl Lights {
         })
     }
 
-    /// Samples one light and a point on it at a time; see [`Self::sample`].
+    /// Samples one light and a point on it at a time; arguments and `None` as for [`Self::sample`].
     pub(crate) fn sample_at(
         &self,
         surfaces: &Surfaces,
@@ -46,7 +46,7 @@ impl Lights {
         }
     }
 
-    /// Samples a point on a given light at a time; see [`Self::sample_place`].
+    /// Samples a point on a given light at a time; arguments and `None` as for [`Self::sample_place`].
     pub(crate) fn sample_place_at(
         &self,
         surfaces: &Surfaces,

@@ -69,7 +69,7 @@ impl VisibleCone {
     }
 }
 
-/// Samples a point on the sphere for the point `from`.
+/// Samples a point on the sphere for the point `from`. `None`: no light arrives from there.
 pub(super) fn sample(surfaces: &Surfaces, sphere: &Sphere, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
     let scene = &**surfaces.scene();
     let (wi, distance, pdf) = match VisibleCone::new(sphere, from) {

@@ -221,7 +221,7 @@ impl SurfaceLight {
         if self.is_rectangle() { double_area } else { 0.5 * double_area }
     }
 
-    /// Samples a point on the light for the point `from`.
+    /// Samples a point on the light for the point `from`. `None`: no light arrives from there.
     #[inline(always)]
     pub(super) fn sample(&self, surfaces: &Surfaces, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
         let Self { extent: (corner, x, y), normal, double_area, .. } = *self;

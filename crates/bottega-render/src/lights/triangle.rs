@@ -46,8 +46,8 @@ impl SphericalTriangle {
         SolidAnglePdf::uniform(self.area)
     }
 
-    /// Draws a point whose direction is uniform over the projection; returns its barycentric coordinates (of the second
-    /// and third corner).
+    /// Draws a point whose direction is uniform over the projection. Returns its barycentric coordinates (of the second
+    /// and third corner); `None`: they are beyond single precision.
     pub(super) fn sample(&self, corners: &[Vec3; 3], from: Vec3, u: [f32; 2]) -> Option<(f32, f32)> {
         let direction = self.direction(u);
         // Intersect the direction with the triangle's plane (Möller and Trumbore 1997)

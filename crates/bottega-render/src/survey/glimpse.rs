@@ -21,7 +21,7 @@ const BLOCK_SIDE: u32 = 8;
 pub struct GlimpseOptions {
     /// Greatest number of bounces of the final picture.
     pub max_depth: u32,
-    /// Paths per pixel.
+    /// Number of paths per pixel; 0 counts as 1.
     pub samples: u32,
 }
 
@@ -34,7 +34,7 @@ pub struct GlimpseOptions {
 /// The result depends only on the scene, the view and the options.
 ///
 /// # Errors
-/// [`RenderError::EmptyPicture`], or the allocator does not do the work.
+/// The allocator does not do the work. A view without pixels is no error: its picture is empty.
 pub fn glimpse(
     scene: &Arc<PreparedScene>,
     view: &View,

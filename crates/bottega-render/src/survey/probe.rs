@@ -15,17 +15,19 @@ use crate::{
 /// The cost and the colour of one pixel, as means over its samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SurveyPixel {
-    /// Levels of recursion in mirrors and transparent surfaces (the paper's importance function).
+    /// Mean number of consecutive mirrored or refracted bounces from the camera on, at most 16 per path: the recursion
+    /// levels of the paper's importance function.
     pub recursion_levels: f32,
-    /// Traversal steps (nodes and leaves visited) per path.
+    /// Cost per path, in traversal steps: nodes and leaves that its rays and shadow rays visit, and a fixed number for
+    /// each vertex and each segment inside media.
     pub steps: f32,
     /// Mean radiance, linear RGB.
     pub color: [f32; 3],
-    /// Standard deviation of the luminance over the samples.
+    /// Standard deviation of the luminance between samples.
     pub noise: f32,
-    /// Reflectance of the first surface.
+    /// Mean reflectance of the first surface.
     pub albedo: [f32; 3],
-    /// Distance to the first surface, in scene units; 0: none.
+    /// Mean distance to the first surface, in scene units, over the samples that hit one; 0: none.
     pub depth: f32,
     /// Vertices per path.
     pub path_length: f32,
@@ -39,7 +41,7 @@ pub struct SurveyPixel {
     pub media: f32,
     /// Share of the luminance that scattered more than once, in [0, 1].
     pub indirect: f32,
-    /// Standard deviation of the luminance of [`albedo`](Self::albedo) over the samples.
+    /// Standard deviation of the luminance of [`albedo`](Self::albedo) between samples.
     pub detail: f32,
 }
 

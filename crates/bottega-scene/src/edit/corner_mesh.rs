@@ -19,11 +19,11 @@ pub struct CornerMesh<'a> {
     pub corner_vertices: Option<&'a [i32]>,
     /// The corners of each triangle, counter-clockwise seen from the front.
     pub triangles: &'a [[i32; 3]],
-    /// Normals by corner, of any length above 0; `None`: flat shading.
+    /// Normals by corner, of any length; the surface's own replaces one of length 0. `None`: flat shading.
     pub normals: Option<&'a [[f32; 3]]>,
-    /// Two sets of texture coordinates by corner.
+    /// Two sets of texture coordinates by corner; `None`: the mesh does not have the set.
     pub uvs: [Option<&'a [[f32; 2]]>; 2],
-    /// Linear RGBA by corner; multiplies the base colour of layered materials.
+    /// Linear RGBA by corner: RGB multiplies the base colour of layered materials, alpha the opacity. `None`: white.
     pub colors: Option<&'a [[f32; 4]]>,
     /// The material slot of each triangle; `None`: slot 0.
     pub triangle_materials: Option<&'a [i32]>,

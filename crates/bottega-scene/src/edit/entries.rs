@@ -68,7 +68,7 @@ impl SceneEditor {
     ///
     /// # Errors
     /// The key is empty or, with [`PutMode::New`], taken; a value is out of range; an image does not exist; or the keys
-    /// of its motion are wrong: times that do not ascend, or a singular matrix.
+    /// of its motion are wrong, as for [`Self::set_motion`].
     pub fn put_light(&mut self, key: &str, light: impl Into<EditedLight>, mode: PutMode) -> Result<(), EditError> {
         self.lights.check(key, mode)?;
         let light = light.into();
@@ -109,7 +109,7 @@ impl SceneEditor {
     ///
     /// # Errors
     /// A value is out of range; the matrix scales or shears; the medium does not exist; or the keys of its motion are
-    /// wrong: times that do not ascend, or a singular matrix.
+    /// wrong, as for [`Self::set_motion`].
     pub fn check_camera(&self, key: &str, camera: &Camera) -> Result<(), EditError> {
         let checked = self.base.check_camera(camera);
         checked.map_err(|problem| EditError::value(EntryKind::Camera, key, &problem))?;
@@ -134,7 +134,8 @@ impl SceneEditor {
     /// - `material`: the key of its material; the number in `sphere` has no meaning.
     ///
     /// # Errors
-    /// The key is empty or, with [`PutMode::New`], taken; a value is out of range; or the material does not exist.
+    /// The key is empty or, with [`PutMode::New`], taken; a value is out of range; the material does not exist; or the
+    /// keys of its motion are wrong, as for [`Self::set_sphere_motion`].
     pub fn put_sphere(&mut self, key: &str, sphere: Sphere, material: String, mode: PutMode) -> Result<(), EditError> {
         self.spheres.check(key, mode)?;
         crate::validate::check_sphere(&sphere).map_err(|problem| EditError::value(EntryKind::Sphere, key, &problem))?;
@@ -156,7 +157,8 @@ impl SceneEditor {
     /// Sets the environment, the light from infinitely far away; `None`: it is black.
     ///
     /// # Errors
-    /// A value is out of range, or its image does not exist.
+    /// A value is out of range, its image does not exist, its orientation is not a rotation, or a portal is not a
+    /// rectangle.
     pub fn set_environment(&mut self, environment: Option<Environment>) -> Result<(), EditError> {
         if let Some(environment) = &environment {
             let checked = self.base.check_environment(environment);

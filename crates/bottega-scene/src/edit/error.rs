@@ -54,7 +54,7 @@ pub enum EditError {
         kind: EntryKind,
         /// The unknown key.
         key: String,
-        /// The keys that exist.
+        /// The keys that exist, for display; may be empty although there are some.
         known: Vec<String>,
     },
     /// The key is used already.

@@ -176,7 +176,8 @@ impl SceneEditor {
     /// - `materials`: as for [`Self::put_mesh`].
     ///
     /// # Errors
-    /// The same as [`Self::put_mesh`]; the times do not ascend; or a key has other triangles than the mesh.
+    /// The same as [`Self::put_mesh`]; the times are not finite, do not ascend or are more than 4096; or a key has
+    /// other triangles than the mesh.
     pub fn put_moving_mesh(
         &mut self,
         key: &str,
@@ -198,8 +199,9 @@ impl SceneEditor {
     /// - `materials`: the key of the material, or none: gray.
     ///
     /// # Errors
-    /// The key is empty or, with [`PutMode::New`], taken; an array is wrong; the material does not exist; or an object
-    /// that places the mesh has a matrix that moves it out of reach.
+    /// The key is empty or, with [`PutMode::New`], taken; an array is wrong; a curve has no length, unless these are
+    /// left out; the material does not exist; or an object that places the mesh has a matrix that moves it out of
+    /// reach.
     pub fn put_curves(
         &mut self,
         key: &str,
@@ -249,8 +251,8 @@ impl SceneEditor {
     ///
     /// # Errors
     /// The key is empty or, with [`PutMode::New`], taken; the mesh or a material does not exist; a matrix is singular
-    /// or moves the mesh out of reach; the keys of its motion are wrong: times that do not ascend, or another number of
-    /// matrices than instances; or the materials by instance do not match.
+    /// or moves the mesh out of reach; the keys of its motion are wrong, as for [`Self::set_object_motion`]; or the
+    /// materials by instance are not one per instance, or not among the object's materials.
     pub fn put_object(&mut self, key: &str, object: PlacedObject, mode: PutMode) -> Result<(), EditError> {
         self.objects.check(key, mode)?;
         let bounds = self.meshes.get(&object.mesh)?.parts.bounds;
@@ -299,8 +301,9 @@ impl SceneEditor {
     ///   world space per instance. Empty: the object stands still.
     ///
     /// # Errors
-    /// There is no such object; the times do not ascend; a key has another number of matrices than the object has
-    /// instances; or a matrix is singular, moves the mesh out of reach, or mirrors where others do not.
+    /// There is no such object; the times are not finite, do not ascend or are more than 4096; a key has another number
+    /// of matrices than the object has instances; or a matrix is singular, moves the mesh out of reach, or mirrors
+    /// where others do not.
     pub fn set_object_motion(&mut self, key: &str, motion: Vec<(f64, Vec<Affine3A>)>) -> Result<(), EditError> {
         let object = PlacedObject { motion, ..self.objects.get(key)?.clone() };
         object.check_motion(self.meshes.get(&object.mesh)?.parts.bounds)?;
@@ -314,8 +317,8 @@ impl SceneEditor {
     ///   space, from where it was put. Empty: it stands still.
     ///
     /// # Errors
-    /// There is no such thing; it is neither a camera nor a light; the times do not ascend; or a matrix is singular,
-    /// out of reach, or mirrors where others do not.
+    /// There is no such thing; it is neither a camera nor a light; the times are not finite, do not ascend or are more
+    /// than 4096; or a matrix is singular, out of reach, or mirrors where others do not.
     pub fn set_motion(&mut self, kind: EntryKind, key: &str, motion: Vec<TransformKey>) -> Result<(), EditError> {
         check_transform_keys(&motion).map_err(|problem| EditError::value(kind, key, &problem))?;
         match kind {
@@ -335,7 +338,8 @@ impl SceneEditor {
     ///   radius in scene units. Empty: the sphere stands still.
     ///
     /// # Errors
-    /// There is no such sphere, the times do not ascend, a centre is out of reach, or a radius is not above 0.
+    /// There is no such sphere; the times are not finite, do not ascend or are more than 4096; a centre is out of
+    /// reach; or a radius is not above 0 and at most [`COORDINATE_MAX`](crate::COORDINATE_MAX).
     pub fn set_sphere_motion(&mut self, key: &str, motion: Vec<(f64, Vec3, f32)>) -> Result<(), EditError> {
         let sphere = &self.spheres.get(key)?.sphere;
         let world_from_object = sphere.world_from_object;

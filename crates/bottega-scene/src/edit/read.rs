@@ -17,6 +17,9 @@ impl SceneEditor {
     /// without a name is called by its kind. An unchanged scene renders to the same bits as the file.
     ///
     /// - `scene`: a scene that [`Scene::validate`] accepts.
+    ///
+    /// # Panics
+    /// If the scene has an index out of range.
     pub fn of(scene: Scene) -> Self {
         let mut editor = Self::new();
         let Scene { meshes, instances, spheres, materials, lights, cameras, .. } = &scene;

@@ -171,7 +171,8 @@ impl Image {
         Self::from_rgb8(name, 1, 1, vec![[255, 0, 255]], false)
     }
 
-    /// Returns the luminance (Rec. 709) in all channels, opaque; the picture itself if it is gray.
+    /// Returns the picture with its luminance (Rec. 709) in all colour channels, without alpha; a gray picture is
+    /// returned as it is, with its alpha.
     pub(crate) fn luminance(self) -> Self {
         let (width, height) = self.size();
         let texels = || (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| self.texel(x, y));

@@ -13,7 +13,7 @@ pub struct LensSurface {
     pub radius: f32,
     /// Distance along the axis to the next surface, or from the last one to the film, in scene units; 0 or more.
     pub thickness: f32,
-    /// Refractive index between this surface and the next one, or the film; 1 for air.
+    /// Refractive index between this surface and the next one, or the film, from 1 to 10; 1 for air.
     pub eta: f32,
     /// Radius of the opening, in scene units, above 0.
     pub aperture_radius: f32,
@@ -42,10 +42,10 @@ pub enum LensError {
     /// A number of the surface with this index is out of range.
     #[error("surface {0} has a number that is out of range")]
     Surface(usize),
-    /// The diagonal of the film is not above 0.
+    /// The diagonal of the film is not above 0, or is above 1e6 scene units.
     #[error("the diagonal of the film is not above 0")]
     Film,
-    /// Light from afar leaves the lenses divergent.
+    /// Light from afar leaves the lenses parallel or divergent, so a focus distance has no effect.
     #[error("the lenses do not collect light")]
     Diverging,
     /// No place of the film brings a plane at this distance, in scene units, into focus.

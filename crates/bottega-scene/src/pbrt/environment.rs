@@ -75,7 +75,7 @@ impl InfiniteLights {
         Ok(())
     }
 
-    /// Returns the environment, once the scene's pictures are loaded.
+    /// Returns the environment, once the scene's pictures are loaded; `None`: no infinite light, or a black one.
     pub(super) fn finish(self, context: &mut Context<'_>, scene: &mut Scene) -> ImportResult<Option<Environment>> {
         let open = match self.picture {
             None if self.constant == Spectrum::ZERO => None,

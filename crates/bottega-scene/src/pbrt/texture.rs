@@ -154,7 +154,8 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
         Ok(ImageId(self.slots.len() as u32 - 1))
     }
 
-    /// Returns a texture whose colours are transformed by `change`, such as from reflectance to k.
+    /// Returns the colour or texture of a parameter, transformed by `change`, such as from reflectance to k; `None`:
+    /// the parameter is not given.
     pub(super) fn changed(
         &mut self,
         context: &mut Context<'_>,

@@ -14,7 +14,7 @@ pub struct Anisotropy {
     pub strength: f32,
     /// Direction, counter-clockwise from the tangent, in radians.
     pub rotation: f32,
-    /// Red and green: direction in [−1, 1]; blue: factor of the strength.
+    /// Red and green: direction in [−1, 1]; blue: factor of the strength. `None`: both are the same everywhere.
     pub texture: Option<TextureMap>,
 }
 
@@ -27,13 +27,13 @@ pub struct Iridescence {
     pub ior: f32,
     /// Thickness of the film in nanometres where the texture is 0, and where it is 1 or there is none.
     pub thickness: [f32; 2],
-    /// Texture and channel of the thickness.
+    /// Texture and channel of the thickness; `None`: the film has the second of [`Self::thickness`].
     pub thickness_texture: Option<(TextureMap, Channel)>,
 }
 
-/// A superset of glTF 2.0's metallic-roughness model and its extensions, in the manner of the Dielectric Specular and
-/// OpenPBR family. From the outside in: sheen over coat over base; the base is a mix of metal, transmitting dielectric
-/// and diffuse dielectric.
+/// A layered surface: glTF 2.0's metallic-roughness model with its extensions, and subsurface scattering; similar to
+/// Dassault Systèmes' Enterprise PBR and OpenPBR. From the outside in: sheen over coat over base; the base is a mix of
+/// metal, transmitting dielectric and diffuse dielectric.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Layered {
     /// Reflectance of the diffuse and metal base, tint of the transmission. Vertex colours multiply it.
@@ -42,7 +42,7 @@ pub struct Layered {
     pub metallic: ScalarParam,
     /// Perceptual roughness: the microfacet α is its square.
     pub roughness: ScalarParam,
-    /// Anisotropy of the highlights.
+    /// Anisotropy of the highlights; `None`: they are isotropic.
     pub anisotropy: Option<Anisotropy>,
     /// Index of refraction of the dielectric; 0: total reflection (KHR_materials_ior).
     pub ior: f32,
@@ -63,13 +63,14 @@ pub struct Layered {
     pub subsurface: Option<Box<Subsurface>>,
     /// `true`: a thin sheet without volume (light passes straight through). `false`: the boundary of a solid.
     pub thin: bool,
-    /// A thin film on the base.
+    /// A thin film on the base; `None`: there is none.
     pub iridescence: Option<Iridescence>,
-    /// Strength of the clear coat.
+    /// Strength of the clear coat, in [0, 1].
     pub coat: ScalarParam,
     /// Perceptual roughness of the clear coat.
     pub coat_roughness: ScalarParam,
-    /// Normal map of the clear coat, and its scale. (The material's own relief does not affect the coat.)
+    /// Normal map of the clear coat, and the scale of its x and y; `None`: the coat has the mesh's normals. The
+    /// material's own relief does not affect the coat.
     pub coat_normal: Option<(TextureMap, f32)>,
     /// Colour of the sheen; black: none.
     pub sheen_color: ColorParam,

@@ -111,7 +111,8 @@ impl<'a> StageSource<'a> {
         value.filter(|value| !matches!(value, Value::None | Value::ValueBlock))
     }
 
-    /// Returns the value of an attribute as another type. A value of the wrong type is a warning.
+    /// Returns the value of an attribute as another type. `None`: it has none, or one of the wrong type, which is a
+    /// warning.
     pub(super) fn read<T>(
         &self,
         prim: &Prim,
@@ -128,7 +129,7 @@ impl<'a> StageSource<'a> {
         converted
     }
 
-    /// Returns a number, which must be finite.
+    /// Returns the number of an attribute; `None`: it has none, or it is not finite, which is a warning.
     pub(super) fn number(&self, prim: &Prim, name: &str, time: f64) -> Option<f64> {
         let number = self.read(prim, name, time, values::number)?;
         if !number.is_finite() {
@@ -137,17 +138,17 @@ impl<'a> StageSource<'a> {
         Some(number).filter(|number| number.is_finite())
     }
 
-    /// Returns a token or string.
+    /// Returns the token or string of an attribute; `None` as for [`Self::read`].
     pub(super) fn text(&self, prim: &Prim, name: &str, time: f64) -> Option<String> {
         self.read(prim, name, time, values::text)
     }
 
-    /// Returns a truth value.
+    /// Returns the truth value of an attribute; `None` as for [`Self::read`].
     pub(super) fn boolean(&self, prim: &Prim, name: &str, time: f64) -> Option<bool> {
         self.read(prim, name, time, values::boolean)
     }
 
-    /// Returns a colour or vector, which must be finite.
+    /// Returns the colour or vector of an attribute; `None` as for [`Self::read`], or it is not finite.
     pub(super) fn vector(&self, prim: &Prim, name: &str, time: f64) -> Option<DVec3> {
         self.read(prim, name, time, values::vector).filter(|vector| vector.is_finite())
     }

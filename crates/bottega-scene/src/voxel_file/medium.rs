@@ -18,7 +18,8 @@ use crate::grid::Grid;
 pub struct Voxels {
     /// Factor of absorption and scattering.
     pub density: Grid,
-    /// Temperatures, in the unit of the file; `None`: the file has no such grid, or they are 0 everywhere.
+    /// Temperatures, in the unit of the file; `None`: none were asked for, the file has no such grid, or they are 0
+    /// everywhere.
     pub temperatures: Option<Grid>,
     /// Unit cube of the grids to the space of the file.
     pub file_from_cube: DAffine3,
@@ -30,7 +31,7 @@ impl Voxels {
     /// Reads the grids of a medium from an OpenVDB or NanoVDB file. `Ok(None)`: the file has no such density of a kind
     /// that can be read, or it is 0 everywhere.
     ///
-    /// - `density`, `temperature`: names of grids in the file.
+    /// - `density`, `temperature`: names of grids in the file; `temperature` `None`: no temperatures are read.
     /// - `max_memory_bytes`: most memory of the file and the grids together, in bytes.
     ///
     /// # Errors

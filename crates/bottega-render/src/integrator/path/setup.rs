@@ -145,7 +145,7 @@ impl<'a> PathIntegrator<'a> {
         self.wanted
     }
 
-    /// Returns the medium that contains the camera.
+    /// Returns the medium that contains the camera; `None`: vacuum.
     pub(in crate::integrator) fn camera_medium(&self) -> Option<MediumId> {
         self.camera_medium
     }

@@ -165,7 +165,7 @@ object!(TextureSource {
 });
 
 impl Texture {
-    /// Returns the image index. An extension's image takes precedence over the fallback.
+    /// Returns the image index; that of an extension takes precedence over the fallback. `None`: there is no image.
     pub(in crate::gltf) fn picture(&self) -> Option<usize> {
         let extensions = [&self.extensions.basisu, &self.extensions.webp];
         extensions.into_iter().flatten().find_map(|extension| extension.source).or(self.source)

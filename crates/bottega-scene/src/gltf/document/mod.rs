@@ -236,7 +236,7 @@ object!(BufferViewExtensions {
 });
 
 impl BufferViewExtensions {
-    /// Returns the compression of the view, and the name of its extension.
+    /// Returns the compression of the view, and the name of its extension; `None`: it is not compressed.
     pub(in crate::gltf) fn meshopt(&self) -> Option<(&'static str, &Meshopt)> {
         let khr = self.khr_meshopt.as_deref().map(|meshopt| ("KHR_meshopt_compression", meshopt));
         khr.or(self.ext_meshopt.as_deref().map(|meshopt| ("EXT_meshopt_compression", meshopt)))
@@ -321,7 +321,7 @@ object!(TargetExtensions {
 object!(AnimationPointer { pointer: String });
 
 impl AnimationTarget {
-    /// Returns the JSON pointer of KHR_animation_pointer.
+    /// Returns the JSON pointer of KHR_animation_pointer; `None`: the target is a node.
     pub(in crate::gltf) fn pointer(&self) -> Option<&str> {
         self.extensions.as_ref()?.pointer.as_ref().map(|pointer| pointer.pointer.as_str())
     }

@@ -17,7 +17,8 @@ pub(super) struct Strip {
 }
 
 impl Strip {
-    /// Takes the next corner. Returns the triangle that it completes, unless two of its corners are equal.
+    /// Takes the next corner; −1 ends the strip. Returns the triangle that it completes; `None`: it completes none, or
+    /// two of its corners are equal.
     pub(super) fn next(&mut self, index: i64, vertex_count: usize) -> Result<Option<[u32; 3]>, NoSuchVertex> {
         if index == -1 {
             self.length = 0;

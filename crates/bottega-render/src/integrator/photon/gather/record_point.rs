@@ -49,7 +49,8 @@ impl RecordPoint {
 }
 
 impl GatherPath<'_> {
-    /// Finds the first matte surface that the camera sees, over mirrors and through glass.
+    /// Finds the first surface that is not specular, over mirrors and through glass. `None`: it is not matte, or there
+    /// is none.
     pub(in crate::integrator) fn find_record_point(&mut self, ray: &CameraRay) -> Option<RecordPoint> {
         /// Greatest number of mirrors on the way.
         const MIRRORS_MAX: u32 = 8;
