@@ -127,8 +127,9 @@ pub struct PhotonSettings {
     pub count: u32,
     /// Number of nearest photons in an estimate; at most [`NEAREST_MAX`](crate::photon::NEAREST_MAX).
     pub gather: u32,
-    /// Largest distance of photons in an estimate, as a fraction of the radius of the visible part (of the scene, unless
-    /// that is much wider). Progressive pictures start with a fifth of it, which shrinks from pass to pass.
+    /// Largest distance of photons in an estimate, as a fraction of the scene's radius, or of the radius of its visible
+    /// part where the scene is much wider. Progressive pictures start with a fifth of it, which shrinks from pass to
+    /// pass.
     pub radius: f32,
     /// Radius of the first pass of a progressive picture, in scene units; `None`: derived from [`Self::radius`].
     pub first_radius: Option<f32>,

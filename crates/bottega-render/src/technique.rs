@@ -128,7 +128,7 @@ impl TriedPhotons {
     }
 }
 
-/// What a plan depends on, besides the scene.
+/// The inputs of a plan besides the scene.
 type PlanKey = (View, PathSettings);
 
 /// A plan, filled by its first user while others wait.
