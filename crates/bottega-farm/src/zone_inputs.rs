@@ -30,7 +30,7 @@ pub enum ExpertError {
     NoChoice {
         /// The name of that output.
         output: &'static str,
-        /// What it chooses: the engine or the technique.
+        /// The subject of the choice: the engine or the technique.
         of: &'static str,
         /// The outputs that the rules have.
         found: Vec<String>,

@@ -12,7 +12,7 @@ use super::{
 };
 use crate::error::Error;
 
-/// What grows.
+/// The quantity that grows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum GrowthAxis {
     /// Triangles of a terrain.

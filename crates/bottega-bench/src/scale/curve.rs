@@ -13,7 +13,7 @@ pub(super) struct Point {
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Curve {
     pub(super) axis: &'static str,
-    /// What is measured, with its unit.
+    /// The quantity measured, with its unit.
     pub(super) quantity: &'static str,
     /// The expected law, readable.
     pub(super) law: &'static str,

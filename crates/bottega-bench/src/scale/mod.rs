@@ -27,7 +27,7 @@ use crate::{
     after_help = "For example:\n  bottega-bench scale -o scale/\n  bottega-bench scale --axis triangles,lights --small"
 )]
 pub(crate) struct ScaleOptions {
-    /// What grows, with commas between; default: everything.
+    /// The quantities that grow, separated by commas; default: all.
     #[arg(long = "axis", value_name = "AXIS", value_delimiter = ',')]
     axes: Vec<GrowthAxis>,
     /// Leave out the largest sizes: some seconds instead of minutes.

@@ -96,13 +96,14 @@ pub struct SceneOptions {
     /// `/Car{color=red}`.
     #[serde(default)]
     pub variant: Option<String>,
-    /// How often subdivision surfaces of a USD stage are refined, from 0 (their polygons) to 6; none: 2 for meshes that name
-    /// their `subdivisionScheme`, and 0 for others. A mesh that would have more than 4 million faces is refined less, with a
-    /// warning.
+    /// Number of times that subdivision surfaces of a USD stage are refined, from 0 (their polygons) to 6; none: 2 for meshes
+    /// that name their `subdivisionScheme`, and 0 for others. A mesh that would have more than 4 million faces is refined less,
+    /// with a warning.
     #[serde(default)]
     pub subdivision: Option<u8>,
-    /// How often the longest edge of a mesh that a texture displaces is halved, from 0 to 12; none: until edges are as long as
-    /// a texel, or as the file says, with at most a million triangles per mesh. With a number, a mesh has at most 4 million.
+    /// Number of times that the longest edge of a mesh that a texture displaces is halved, from 0 to 12; none: until edges are
+    /// as long as a texel, or as the file says, with at most a million triangles per mesh. With a number, a mesh has at most 4
+    /// million.
     #[serde(default)]
     pub displacement: Option<u8>,
 }
