@@ -7,7 +7,9 @@ use crate::error::SceneError;
 /// An error of reading a measured material. Places are bytes from the begin of the file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub(crate) enum MeasuredError {
-    #[error("it does not begin with `tensor_file`, so it is not a measured material: download it again, or give a .bsdf file")]
+    #[error(
+        "it does not begin with `tensor_file`, so it is not a measured material: download it again, or give a .bsdf file"
+    )]
     NotTensors,
     #[error("its format has version {major}.{minor}, and 1.0 can be read: write it with a program that writes 1.0")]
     Version { major: u8, minor: u8 },

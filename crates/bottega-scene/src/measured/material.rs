@@ -206,7 +206,12 @@ fn check_values(name: &'static str, size: [usize; 2], nodes: usize, values: &[f3
     }
 }
 
-fn check_count(name: &'static str, [columns, rows]: [usize; 2], nodes: usize, count: usize) -> Result<(), MeasuredError> {
+fn check_count(
+    name: &'static str,
+    [columns, rows]: [usize; 2],
+    nodes: usize,
+    count: usize,
+) -> Result<(), MeasuredError> {
     let wanted = columns.checked_mul(rows).and_then(|points| points.checked_mul(nodes));
     if columns >= 2 && rows >= 2 && wanted == Some(count) {
         return Ok(());

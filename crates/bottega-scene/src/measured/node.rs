@@ -101,7 +101,9 @@ mod tests {
 
     #[test]
     fn angles_must_increase() {
-        for (phi, theta) in [(vec![], vec![0.0]), (vec![0.0], vec![]), (vec![1.0, 1.0], vec![0.0]), (vec![0.0], vec![2.0])] {
+        for (phi, theta) in
+            [(vec![], vec![0.0]), (vec![0.0], vec![]), (vec![1.0, 1.0], vec![0.0]), (vec![0.0], vec![2.0])]
+        {
             assert!(NodeGrid::new(phi.clone(), theta.clone()).is_err(), "{phi:?} {theta:?}");
         }
     }

@@ -12,7 +12,8 @@ use super::material::{Measured, MeasuredTables};
 use super::warp::SquareTable;
 use crate::color::Spectrum;
 
-const _: () = assert!(cfg!(target_endian = "little"), "tables are copied as they are in memory, which must be little-endian");
+const _: () =
+    assert!(cfg!(target_endian = "little"), "tables are copied as they are in memory, which must be little-endian");
 
 /// A material as it is stored.
 #[derive(Serialize, Deserialize)]

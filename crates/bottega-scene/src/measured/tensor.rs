@@ -75,7 +75,11 @@ impl<'a> TensorFile<'a> {
             return Err(MeasuredError::Kind { name, found: field.kind, wanted });
         }
         if field.shape.len() != axes {
-            return Err(MeasuredError::Shape { name, found: field.shape_text(), wanted: format!("one of {axes} axes") });
+            return Err(MeasuredError::Shape {
+                name,
+                found: field.shape_text(),
+                wanted: format!("one of {axes} axes"),
+            });
         }
         Ok(field)
     }
@@ -87,9 +91,11 @@ impl Field<'_> {
         let (words, _) = self.bytes.as_chunks::<4>();
         let numbers = words.iter().map(|&word| f32::from_le_bytes(word)).enumerate();
         numbers
-            .map(|(index, value)| {
-                if value.is_finite() { Ok(value) } else { Err(MeasuredError::Value { name, index, value }) }
-            })
+            .map(
+                |(index, value)| {
+                    if value.is_finite() { Ok(value) } else { Err(MeasuredError::Value { name, index, value }) }
+                },
+            )
             .collect()
     }
 

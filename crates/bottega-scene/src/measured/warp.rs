@@ -211,8 +211,8 @@ fn share(part: f32, whole: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use crate::measured::node::NodeGrid;
     use super::*;
+    use crate::measured::node::NodeGrid;
 
     /// Densities that differ much between two nodes, with a row and a column of zeros.
     fn warp() -> (NodeGrid, Warp) {

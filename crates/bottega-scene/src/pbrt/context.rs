@@ -33,7 +33,14 @@ impl<'a> Context<'a> {
         options: &'a LoadOptions,
         warnings: &'a mut Warnings,
     ) -> Self {
-        Self { resources, options, origin: DVec3::ZERO, measured: MeasuredFiles::default(), warnings, files: TextFiles::new(path) }
+        Self {
+            resources,
+            options,
+            origin: DVec3::ZERO,
+            measured: MeasuredFiles::default(),
+            warnings,
+            files: TextFiles::new(path),
+        }
     }
 
     /// Registers an included file. Returns its index.

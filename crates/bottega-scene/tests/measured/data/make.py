@@ -1,5 +1,5 @@
 """Writes copper.bsdf, brushed.bsdf and velvet.bsdf, and values.txt, in which Mitsuba evaluates them: `python make.py FOLDER`,
-with NumPy and Mitsuba 3.9.
+with NumPy and Mitsuba 3.9. copper.bsdf is scenes/models/measured.bsdf.
 
 All are tabulated from formulas: GGX facets (Walter and others 2007, Smith's height-correlated shadowing) with Schlick's
 reflectance.

@@ -100,7 +100,13 @@ impl GatherPath<'_> {
     }
 
     /// Adds light from separate maps: estimates the density of the photons near the place.
-    fn add_estimated(&mut self, state: &GatherState, vertex: &SurfaceVertex<'_>, bsdf: &Bsdf<'_>, normal: Vec3) -> bool {
+    fn add_estimated(
+        &mut self,
+        state: &GatherState,
+        vertex: &SurfaceVertex<'_>,
+        bsdf: &Bsdf<'_>,
+        normal: Vec3,
+    ) -> bool {
         let reflected = state.throughput * bsdf.albedo(vertex.wo) * FRAC_1_PI;
         let most = self.bounces_left(state);
         let GatherBuffers { found, by_bounces, .. } = &mut *self.buffers;
