@@ -216,6 +216,6 @@ fn check_count(
     if columns >= 2 && rows >= 2 && wanted == Some(count) {
         return Ok(());
     }
-    let found = format!("{columns} × {rows} with {count} values");
+    let found = format!("{rows} × {columns} with {count} values");
     Err(MeasuredError::Shape { name, found, wanted: format!("2 × 2 or more for each of {nodes} directions") })
 }
