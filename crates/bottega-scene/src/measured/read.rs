@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::error::MeasuredError;
 use super::material::{Measured, MeasuredTables, tables_bytes};
-use super::tensor::{F32, Field, TensorFile, U8};
+use super::tensor::{F32, TensorField, TensorFile, U8};
 use super::warp::{SquareTable, normalize};
 use crate::budget::MemoryBudget;
 use crate::color::Spectrum;
@@ -20,29 +20,29 @@ use crate::spectrum::sampled::reflectance_weights;
 pub(super) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Measured, SceneError> {
     let in_file = |error: MeasuredError| error.in_file(path);
     let file = TensorFile::read(bytes).map_err(in_file)?;
-    let fields = Fields::of(&file).map_err(in_file)?;
+    let fields = MaterialFields::of(&file).map_err(in_file)?;
     budget.take(path, "its tables", fields.memory_bytes())?;
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     fields.tables(name).and_then(Measured::new).map_err(in_file)
 }
 
 /// The fields of a measured material.
-struct Fields<'a> {
-    phi: &'a Field<'a>,
-    theta: &'a Field<'a>,
-    normals: &'a Field<'a>,
-    area: &'a Field<'a>,
-    visible: &'a Field<'a>,
-    luminance: &'a Field<'a>,
-    colors: &'a Field<'a>,
+struct MaterialFields<'a> {
+    phi: &'a TensorField<'a>,
+    theta: &'a TensorField<'a>,
+    normals: &'a TensorField<'a>,
+    area: &'a TensorField<'a>,
+    visible: &'a TensorField<'a>,
+    luminance: &'a TensorField<'a>,
+    colors: &'a TensorField<'a>,
     /// Name of `colors`: `rgb` or `spectra`.
     colors_name: &'static str,
     /// Wavelengths in nanometres; `None`: the channels are red, green and blue.
-    wavelengths: Option<&'a Field<'a>>,
+    wavelengths: Option<&'a TensorField<'a>>,
     is_relative: bool,
 }
 
-impl<'a> Fields<'a> {
+impl<'a> MaterialFields<'a> {
     /// Finds the fields, and checks that their shapes fit together.
     fn of(file: &'a TensorFile<'a>) -> Result<Self, MeasuredError> {
         let wavelengths = file.find("wavelengths").map(|_| file.field("wavelengths", F32, 1)).transpose()?;
@@ -79,7 +79,7 @@ impl<'a> Fields<'a> {
 
     /// Returns the memory of the material, in bytes.
     fn memory_bytes(&self) -> usize {
-        let count = |field: &Field<'_>| field.bytes.len() / size_of::<f32>();
+        let count = |field: &TensorField<'_>| field.bytes.len() / size_of::<f32>();
         let (tables, warps) = (count(self.normals) + count(self.area), count(self.visible) + count(self.luminance));
         tables_bytes(tables, warps, count(self.luminance))
     }
@@ -124,7 +124,7 @@ impl<'a> Fields<'a> {
 }
 
 /// Returns columns and rows of a field's tables: its last two axes.
-fn size_of_table(field: &Field<'_>) -> [usize; 2] {
+fn size_of_table(field: &TensorField<'_>) -> [usize; 2] {
     match field.shape[..] {
         [.., rows, columns] => [columns, rows],
         _ => [0, 0],
@@ -132,13 +132,13 @@ fn size_of_table(field: &Field<'_>) -> [usize; 2] {
 }
 
 /// Returns numbers of which the negative ones are noise.
-fn amounts(name: &'static str, field: &Field<'_>) -> Result<Vec<f32>, MeasuredError> {
+fn amounts(name: &'static str, field: &TensorField<'_>) -> Result<Vec<f32>, MeasuredError> {
     let mut numbers = field.numbers(name)?;
     numbers.iter_mut().for_each(|number| *number = number.max(0.0));
     Ok(numbers)
 }
 
-fn densities(name: &'static str, field: &Field<'_>, size: [usize; 2]) -> Result<Vec<f32>, MeasuredError> {
+fn densities(name: &'static str, field: &TensorField<'_>, size: [usize; 2]) -> Result<Vec<f32>, MeasuredError> {
     let mut values = amounts(name, field)?;
     if size[0] >= 2 && size[1] >= 2 {
         normalize(size, &mut values);

@@ -29,12 +29,12 @@ pub(super) const F32: u8 = 10;
 /// The fields of a file.
 #[derive(Debug)]
 pub(super) struct TensorFile<'a> {
-    fields: Vec<Field<'a>>,
+    fields: Vec<TensorField<'a>>,
 }
 
 /// A named array of numbers.
 #[derive(Clone, Debug)]
-pub(super) struct Field<'a> {
+pub(super) struct TensorField<'a> {
     name: &'a [u8],
     /// Kind of numbers, as the file says it.
     pub(super) kind: u8,
@@ -50,7 +50,7 @@ impl<'a> TensorFile<'a> {
         if !bytes.starts_with(MAGIC) {
             return Err(MeasuredError::NotTensors);
         }
-        let mut cursor = Cursor { bytes, place: MAGIC.len() };
+        let mut cursor = TensorCursor { bytes, place: MAGIC.len() };
         let [major, minor] = cursor.array("its version")?;
         if (major, minor) != (1, 0) {
             return Err(MeasuredError::Version { major, minor });
@@ -63,12 +63,12 @@ impl<'a> TensorFile<'a> {
     }
 
     /// Returns a field; `None`: there is none of that name.
-    pub(super) fn find(&self, name: &str) -> Option<&Field<'a>> {
+    pub(super) fn find(&self, name: &str) -> Option<&TensorField<'a>> {
         self.fields.iter().find(|field| field.name == name.as_bytes())
     }
 
     /// Returns a field of numbers of one kind and of a number of axes.
-    pub(super) fn field(&self, name: &'static str, kind: u8, axes: usize) -> Result<&Field<'a>, MeasuredError> {
+    pub(super) fn field(&self, name: &'static str, kind: u8, axes: usize) -> Result<&TensorField<'a>, MeasuredError> {
         let field = self.find(name).ok_or(MeasuredError::Missing { name })?;
         if field.kind != kind {
             let wanted = if kind == U8 { "1 (bytes)" } else { "10 (32-bit floating point)" };
@@ -85,7 +85,7 @@ impl<'a> TensorFile<'a> {
     }
 }
 
-impl Field<'_> {
+impl TensorField<'_> {
     /// Returns the numbers of a field of the kind [`F32`]; the error names the first that is not finite.
     pub(super) fn numbers(&self, name: &'static str) -> Result<Vec<f32>, MeasuredError> {
         let (words, _) = self.bytes.as_chunks::<4>();
@@ -107,12 +107,12 @@ impl Field<'_> {
 }
 
 /// A place in a file's bytes.
-struct Cursor<'a> {
+struct TensorCursor<'a> {
     bytes: &'a [u8],
     place: usize,
 }
 
-impl<'a> Cursor<'a> {
+impl<'a> TensorCursor<'a> {
     fn take(&mut self, count: usize, what: &'static str) -> Result<&'a [u8], MeasuredError> {
         let rest = self.bytes.get(self.place..).unwrap_or_default();
         let Some(taken) = rest.get(..count) else { return Err(MeasuredError::End { place: self.bytes.len(), what }) };
@@ -127,7 +127,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// Reads the description of a field, and finds its numbers.
-    fn field(&mut self) -> Result<Field<'a>, MeasuredError> {
+    fn field(&mut self) -> Result<TensorField<'a>, MeasuredError> {
         let what = "the description of a field";
         let length = u16::from_le_bytes(self.array(what)?);
         let name = self.take(length.into(), what)?;
@@ -152,7 +152,7 @@ impl<'a> Cursor<'a> {
         let range = length.zip(usize::try_from(offset).ok());
         let range = range.and_then(|(length, start)| Some(start..start.checked_add(length)?));
         let bytes = range.and_then(|range| self.bytes.get(range)).ok_or_else(beyond)?;
-        Ok(Field { name, kind, shape, bytes })
+        Ok(TensorField { name, kind, shape, bytes })
     }
 }
 

@@ -12,6 +12,9 @@ use crate::mutation::{Random, damage, survive};
 
 const LIMIT: usize = 1 << 20;
 
+/// A change of a file.
+type Change<'a> = &'a dyn Fn(&mut Vec<u8>);
+
 /// Isotropic by RGB; by wavelengths; absolute.
 const FILES: [&str; 3] = ["measured.bsdf", "brushed.bsdf", "velvet.bsdf"];
 
@@ -109,7 +112,7 @@ fn errors_name_the_file_and_the_field() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.bsdf");
     let copper = std::fs::read(data("measured.bsdf")).unwrap();
-    let refused = |change: &dyn Fn(&mut Vec<u8>)| {
+    let refused = |change: Change<'_>| {
         let mut bytes = copper.clone();
         change(&mut bytes);
         std::fs::write(&path, bytes).unwrap();
@@ -127,7 +130,7 @@ fn errors_name_the_file_and_the_field() {
         let at = u64::from_le_bytes(bytes[offset..offset + 8].try_into().unwrap()) as usize;
         bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
     };
-    let cases: &[(&str, &dyn Fn(&mut Vec<u8>))] = &[
+    let cases: &[(&str, Change<'_>)] = &[
         ("does not begin with `tensor_file`", &|bytes| bytes[0] = b'T'),
         ("version 2.0", &|bytes| bytes[12] = 2),
         ("the number of its fields at byte 14 is 16777225", &|bytes| bytes[17] = 1),
