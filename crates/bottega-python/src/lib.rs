@@ -17,7 +17,7 @@
 //! | sessions; the picture while it is rendered | `src/session.rs`; `src/live.rs` |
 //! | pictures; arrays as views of the film; files | `src/picture.rs`, `src/arrays.rs`, `src/image_file.rs` |
 //! | scenes in memory; arrays as their input | `src/scene.rs`; `src/numpy_input.rs`, `src/image_input.rs` |
-//! | grids of voxels for media | `src/voxels.rs` |
+//! | grids of voxels for media; measured materials | `src/voxels.rs`; `src/measured.rs` |
 //! | interactive views | `src/viewport.rs` |
 //! | importance maps, zones, rules, differences | `src/analysis.rs`, `src/rules.rs`, `src/difference.rs` |
 //! | farms; by HTTP | `src/farm.rs`; `src/http_farm.rs` |
@@ -33,6 +33,7 @@ mod http_farm;
 mod image_file;
 mod image_input;
 mod live;
+mod measured;
 mod numpy_input;
 mod picture;
 mod process;
@@ -55,6 +56,7 @@ mod _native {
         farm::{PyFarm, farms},
         http_farm::{digests, preview_array, submission},
         image_file::{PyImageFile, read},
+        measured::PyMeasuredFile,
         picture::PyPicture,
         process::stop_all,
         request::{check_request, schema},

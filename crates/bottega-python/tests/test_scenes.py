@@ -163,6 +163,7 @@ def test_textures_come_from_arrays() -> None:
 
 
 GRAY = Texture("gray", factor=0.5, channel="g")
+MEASURED = Path(__file__).parents[3] / "scenes/models/measured.bsdf"
 
 SURFACES = [
     bottega.Null(),
@@ -175,6 +176,7 @@ SURFACES = [
     bottega.Coated(base=bottega.Conductor(eta=0.2, k=3.0, roughness=0.3), thickness=0.1, albedo=0.5, g=0.2, max_depth=20),
     bottega.Varnished(base=bottega.Ward(roughness=(0.1, GRAY), variant="duer"), absorption=(0.1, 0.2, 0.3), roughness=GRAY),
     bottega.Phong(diffuse=GRAY, specular=0.3, exponent=50.0),
+    bottega.Measured(MEASURED),
     bottega.Principled(base_color=GRAY, metallic=0.2, spec_trans=0.5, clearcoat=1.0, anisotropic=0.5),
     bottega.Hair(eumelanin=GRAY, pheomelanin=0.4, beta_m=0.2, alpha=-3.0, strand="along_v"),
     bottega.Hair(reflectance=(0.7, 0.4, 0.2), eta=1.45, beta_n=GRAY),

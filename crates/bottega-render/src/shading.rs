@@ -23,8 +23,8 @@ pub(crate) fn bsdf_at<'a>(
     surfaces: &'a Surfaces,
     point: &Interaction,
     chance: impl FnOnce() -> f32,
-    place: &'a mut Option<Bsdf>,
-) -> &'a Bsdf {
+    place: &'a mut Option<Bsdf<'a>>,
+) -> &'a Bsdf<'a> {
     let (material, known) = surfaces.material(point.material);
     if let Some(sides) = &known.bsdfs
         && !point.is_colored
@@ -55,7 +55,11 @@ fn surface_point(point: &Interaction, chance: f32) -> SurfacePoint {
 /// lets none in.
 ///
 /// - `chance`: random number in [0, 1) that chooses between blended surfaces.
-pub(crate) fn entered_bsdf(surfaces: &Surfaces, point: &Interaction, chance: f32) -> (Bsdf, Option<Interior>) {
+pub(crate) fn entered_bsdf<'s>(
+    surfaces: &'s Surfaces,
+    point: &Interaction,
+    chance: f32,
+) -> (Bsdf<'s>, Option<Interior>) {
     let (scene, material) = (surfaces.scene(), surfaces.material(point.material).0);
     let point = SurfacePoint { lets_in: true, ..surface_point(point, chance) };
     (scattering(scene, material, &point), interior_at(scene, material, &point))
@@ -64,12 +68,12 @@ pub(crate) fn entered_bsdf(surfaces: &Surfaces, point: &Interaction, chance: f32
 /// Returns the BSDF of light that leaves a surface from below, at a point seen from outside.
 ///
 /// - `chance`: as for [`entered_bsdf`].
-pub(crate) fn left_bsdf(surfaces: &Surfaces, point: &Interaction, chance: f32) -> Bsdf {
+pub(crate) fn left_bsdf(surfaces: &Surfaces, point: &Interaction, chance: f32) -> Bsdf<'static> {
     leaving(surfaces.scene(), surfaces.material(point.material).0, &surface_point(point, chance))
 }
 
 /// Returns true if light is scattered equally in all directions, on one side.
-pub(crate) fn is_matte(bsdf: &Bsdf) -> bool {
+pub(crate) fn is_matte(bsdf: &Bsdf<'_>) -> bool {
     bsdf.roughness() >= 1.0 && !bsdf.is_transmissive()
 }
 
@@ -80,7 +84,7 @@ pub(crate) fn is_broad_sample(sample: &BsdfSample) -> bool {
 }
 
 /// Returns true if a surface that is not matte reflects an eighth or more of 16 samples broadly.
-pub(crate) fn is_broad(bsdf: &Bsdf, wo: Vec3) -> bool {
+pub(crate) fn is_broad(bsdf: &Bsdf<'_>, wo: Vec3) -> bool {
     const TRIED: u32 = 16;
     if is_matte(bsdf) || bsdf.is_transmissive() {
         return false;

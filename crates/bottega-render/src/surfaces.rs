@@ -168,8 +168,8 @@ pub(crate) struct PreparedMaterial {
     pub(crate) transmits: bool,
     /// `true`: light is scattered below the surface.
     pub(crate) has_subsurface: bool,
-    /// BSDFs seen from the back and from the front, if they are the same everywhere on the surface.
-    pub(crate) bsdfs: Option<[Bsdf; 2]>,
+    /// BSDFs seen from the back and from the front, if they are the same everywhere on the surface, and refer to no tables.
+    pub(crate) bsdfs: Option<[Bsdf<'static>; 2]>,
     /// Media before the front and behind it, if the material separates media.
     pub(crate) media: [Option<MediumId>; 2],
     /// Absorption before the front and behind it, per unit of distance; 0 for opaque materials.
@@ -195,12 +195,12 @@ fn prepare_material(scene: &Scene, material: &Material) -> PreparedMaterial {
     let texture_count = material.textures().len().min(usize::from(u8::MAX)) as u8;
     let is_textured = texture_count > 0 || material.has_hair();
     let is_null = material.surface == Surface::Null;
-    let side = |front| scattering(scene, material, &SurfacePoint::plain(front));
+    let side = |front| scattering(scene, material, &SurfacePoint::plain(front)).without_tables();
     let absorption = |medium: Option<MediumId>| {
         medium.filter(|_| transmits).map_or(Spectrum::ZERO, |medium| scene.media[medium.0 as usize].absorption)
     };
     PreparedMaterial {
-        bsdfs: (!is_textured && !material.is_blended()).then(|| [side(false), side(true)]),
+        bsdfs: if is_textured || material.is_blended() { None } else { side(false).zip(side(true)).map(Into::into) },
         transmits,
         has_subsurface: material.has_subsurface(),
         media: if parts_media { [material.exterior, material.interior] } else { [None; 2] },

@@ -114,19 +114,19 @@ pub(crate) fn bsdf_at_vertex<'a>(
     point: &Interaction,
     sampler: &PixelSampler,
     vertex: u32,
-    storage: &'a mut Option<Bsdf>,
-) -> &'a Bsdf {
+    storage: &'a mut Option<Bsdf<'a>>,
+) -> &'a Bsdf<'a> {
     bsdf_at(surfaces, point, || part_chance(point, sampler, vertex), storage)
 }
 
 /// Returns the BSDF at a vertex on a surface that lets light in, and the medium below the part of a blend that
 /// [`bsdf_at_vertex`] chooses; `None`: that part lets none in.
-pub(crate) fn entered_bsdf_at_vertex(
-    surfaces: &Surfaces,
+pub(crate) fn entered_bsdf_at_vertex<'s>(
+    surfaces: &'s Surfaces,
     point: &Interaction,
     sampler: &PixelSampler,
     vertex: u32,
-) -> (Bsdf, Option<Interior>) {
+) -> (Bsdf<'s>, Option<Interior>) {
     entered_bsdf(surfaces, point, part_chance(point, sampler, vertex))
 }
 

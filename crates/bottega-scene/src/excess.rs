@@ -73,7 +73,7 @@ fn add_shares<'a>(surface: &'a Surface, shares: &mut Vec<&'a ColorParam>) {
         Surface::Blend { surfaces, .. } | Surface::Sum(surfaces) => {
             surfaces.iter().for_each(|surface| add_shares(surface, shares));
         }
-        Surface::Null | Surface::Unlit(_) | Surface::Conductor(_) | Surface::Dielectric(_) => {}
+        Surface::Null | Surface::Unlit(_) | Surface::Conductor(_) | Surface::Dielectric(_) | Surface::Measured(_) => {}
     }
 }
 

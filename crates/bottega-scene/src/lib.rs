@@ -67,6 +67,7 @@ mod lenses;
 mod light;
 mod load;
 mod material;
+mod measured;
 mod medium;
 mod mend;
 mod mesh_file;
@@ -126,6 +127,7 @@ pub use lenses::{LENS_SURFACES_MAX, LensDescription, LensError, LensRay, LensSur
 pub use light::{Environment, EnvironmentMapping, Light, LightKind, Portal, SpotFalloff};
 pub use load::{Loaded, load};
 pub use material::{AlphaMode, Back, Material, Relief, ReliefRule, ReliefSource, Sides};
+pub use measured::{Measured, NodeWeights, SquareTable, Symmetry, Warp};
 pub use medium::{Coefficients, Density, EmissionVariation, Medium, MediumId, Variation};
 pub use model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
 pub use motion::{MeshKey, Shutter, SphereKey, TransformKey};

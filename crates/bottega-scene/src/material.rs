@@ -1,10 +1,13 @@
 //! Materials: surface scattering, emission, opacity, relief and adjacent media.
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
 use crate::color::Spectrum;
 use crate::displacement::{Displacement, DisplacementSource};
 use crate::emission::EmissionProfile;
+use crate::measured::Measured;
 use crate::medium::MediumId;
 use crate::param::{ColorParam, ScalarParam};
 use crate::surface::{Layered, Surface};
@@ -288,6 +291,14 @@ impl Material {
             |displacement: &Displacement| matches!(displacement.source, DisplacementSource::TangentVectors(_));
         let displaced = self.displacement.as_ref().is_some_and(is_along);
         self.relief.is_some() || displaced || self.surface.needs_tangents() || back
+    }
+
+    /// Appends the measured materials of both sides.
+    pub(crate) fn add_measured<'a>(&'a self, found: &mut Vec<&'a Arc<Measured>>) {
+        self.surface.add_measured(found);
+        if let Back::Other(surface) = &self.back {
+            surface.add_measured(found);
+        }
     }
 
     /// Returns every texture that the material refers to: those of both sides, of emission, opacity, relief and

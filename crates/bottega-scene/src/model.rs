@@ -1,6 +1,7 @@
 //! The scene and its shapes.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use glam::{Affine3A, DVec3, Quat, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
@@ -358,12 +359,17 @@ impl Scene {
         self.instances.iter().map(|instance| self.meshes[instance.mesh as usize].triangles.len() as u64).sum()
     }
 
-    /// Returns the memory of meshes, instances, spheres, pictures and grids, in bytes.
+    /// Returns the memory of meshes, instances, spheres, pictures, grids and measured materials, in bytes.
     pub fn memory_bytes(&self) -> usize {
+        let mut measured = Vec::new();
+        self.materials.iter().for_each(|material| material.add_measured(&mut measured));
+        measured.sort_by_key(|tables| Arc::as_ptr(tables));
+        measured.dedup_by(|a, b| Arc::ptr_eq(a, b));
         let grids = self.media.iter().filter_map(|medium| medium.variation.as_deref()).flat_map(Variation::grids);
         self.meshes.iter().map(Mesh::memory_bytes).sum::<usize>()
             + self.images.iter().map(Image::memory_bytes).sum::<usize>()
             + grids.map(Grid::memory_bytes).sum::<usize>()
+            + measured.iter().map(|tables| tables.memory_bytes()).sum::<usize>()
             + bytes_of(&self.instances)
             + bytes_of(&self.spheres)
     }

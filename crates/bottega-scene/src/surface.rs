@@ -5,6 +5,8 @@ mod gloss;
 mod layered;
 mod params;
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
 pub use facets::{Distribution, Facets, RoughnessScale, Shadowing};
@@ -13,6 +15,7 @@ pub use layered::{Anisotropy, Iridescence, Layered};
 
 use crate::color::Spectrum;
 use crate::hair::{Hair, Strand};
+use crate::measured::{Measured, Symmetry};
 use crate::param::{ColorParam, ScalarParam};
 
 /// The scattering model of a surface: one of a closed set that covers the materials of the supported formats.
@@ -54,6 +57,9 @@ pub enum Surface {
     Layered(Box<Layered>),
     /// Fibres of hair or fur, as in pbrt's and Mitsuba's `hair`.
     Hair(Box<Hair>),
+    /// A reflectance that was measured, as in pbrt's and Mitsuba's `measured`.
+    #[serde(with = "crate::measured::stored")]
+    Measured(Arc<Measured>),
     /// A mix of two surfaces; see [`blend`](Self::blend).
     Blend {
         /// Share of the second surface, in [0, 1].
@@ -310,7 +316,7 @@ impl Surface {
         match self {
             Self::Null | Self::Dielectric(_) | Self::DiffuseTransmission { .. } | Self::Hair(_) => true,
             Self::Unlit(_) | Self::Diffuse(_) | Self::Conductor(_) | Self::Plastic(_) | Self::Coated(_) => false,
-            Self::Varnished(_) | Self::Phong(_) | Self::Ward(_) => false,
+            Self::Varnished(_) | Self::Phong(_) | Self::Ward(_) | Self::Measured(_) => false,
             Self::Principled(p) => p.spec_trans.factor > 0.0 || (p.thin && p.diff_trans.factor > 0.0),
             Self::Layered(l) => l.transmission.factor > 0.0 || l.diffuse_transmission.factor > 0.0,
             Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().any(Self::transmits),
@@ -338,7 +344,7 @@ impl Surface {
             Self::Plastic(plastic) => plastic.facets.is_smooth(),
             Self::Coated(coated) => coated.facets.is_smooth(),
             Self::Varnished(varnished) => varnished.facets.is_smooth() || varnished.base.has_mirror(),
-            Self::Phong(_) | Self::Ward(_) => false,
+            Self::Phong(_) | Self::Ward(_) | Self::Measured(_) => false,
             Self::Principled(principled) => principled.roughness.factor == 0.0,
             Self::Layered(layered) => layered.roughness.factor == 0.0,
             Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().any(Self::has_mirror),
@@ -393,6 +399,7 @@ impl Surface {
             Self::Principled(principled) => principled.anisotropic.factor > 0.0,
             Self::Layered(layered) => layered.anisotropy.is_some() || layered.coat_normal.is_some(),
             Self::Hair(_) => true,
+            Self::Measured(measured) => measured.symmetry() != Symmetry::Isotropic,
             Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().any(Self::needs_tangents),
             Self::Null | Self::Unlit(_) | Self::Diffuse(_) | Self::DiffuseTransmission { .. } | Self::Phong(_) => false,
         }
@@ -404,6 +411,17 @@ impl Surface {
             Self::Hair(_) => true,
             Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().any(Self::has_hair),
             _ => false,
+        }
+    }
+
+    /// Appends the measured materials of the surface.
+    pub(crate) fn add_measured<'a>(&'a self, found: &mut Vec<&'a Arc<Measured>>) {
+        match self {
+            Self::Measured(measured) => found.push(measured),
+            Self::Blend { surfaces, .. } | Self::Sum(surfaces) => {
+                surfaces.iter().for_each(|surface| surface.add_measured(found));
+            }
+            _ => {}
         }
     }
 

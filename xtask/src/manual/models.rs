@@ -50,6 +50,7 @@ const SECTIONS: &[Section] = &[
             ModelEntry("Coated", "bsdf/coated.rs", ModelPicture::of("coated", "coated.pbrt")),
             ModelEntry("Varnish", "bsdf/varnish.rs", ModelPicture::of("varnish", "varnish.xml")),
             ModelEntry("Highlights of Phong and Ward", "bsdf/gloss.rs", ModelPicture::of("gloss", "gloss.xml")),
+            ModelEntry("Measured materials", "bsdf/measured.rs", ModelPicture::of("measured", "measured.xml")),
             ModelEntry("Principled", "bsdf/principled.rs", ModelPicture::of("principled", "principled.xml")),
             ModelEntry("Hair", "bsdf/hair.rs", ModelPicture::of("hair", "hair.pbrt")),
             ModelEntry("The layered material of glTF", "bsdf/layered.rs", None),

@@ -117,13 +117,13 @@ fn files_have_the_color_space_compression_and_parts_that_are_asked_for() {
 fn support_tells_what_is_read_from_what_is_replaced() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = folder.path().join("a.pbrt");
-    let measured = "Material \"measured\" \"string filename\" \"a.bsdf\"\nShape \"sphere\"\n";
+    let felt = "Material \"felt\"\nShape \"sphere\"\n";
     let begin = "Camera \"perspective\"\nWorldBegin\nLightSource \"point\"\nShape \"sphere\"\n";
-    fs::write(&scene, format!("{begin}{measured}{measured}")).expect("a file");
+    fs::write(&scene, format!("{begin}{felt}{felt}")).expect("a file");
     let said = succeed(&["info", text(&scene), "--support"]);
     let (read, rest) = said.split_once("replaced or left out").expect("two parts");
     assert!(read.contains("3 spheres") && read.contains("1 point") && read.contains("1 perspective"), "{said}");
-    assert!(rest.contains("2 × the measured material is replaced") && rest.contains("first: a.pbrt:5:1"), "{said}");
+    assert!(rest.contains("2 × the material \"felt\" is unknown") && rest.contains("first: a.pbrt:5:1"), "{said}");
     let json: serde_json::Value = serde_json::from_str(&succeed(&["info", text(&scene), "--json"])).expect("JSON");
     let unsupported = json["unsupported"].as_array().expect("a list");
     assert!(

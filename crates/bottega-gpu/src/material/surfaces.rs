@@ -62,6 +62,10 @@ pub(super) fn add_surface(writer: &mut Writer<'_>, surface: &Surface) -> u32 {
             writer.missing.push("highlights of Phong and Ward".into());
             0
         }
+        Surface::Measured(_) => {
+            writer.missing.push("measured materials".into());
+            0
+        }
     }
 }
 
@@ -258,7 +262,9 @@ fn features(surface: &Surface) -> Features {
     match surface {
         Surface::Null | Surface::Unlit(_) | Surface::Blend { .. } | Surface::Sum(_) => Features::default(),
         // Scenes with these are declined as a whole
-        Surface::Hair(_) | Surface::Varnished(_) | Surface::Phong(_) | Surface::Ward(_) => Features::default(),
+        Surface::Hair(_) | Surface::Varnished(_) | Surface::Phong(_) | Surface::Ward(_) | Surface::Measured(_) => {
+            Features::default()
+        }
         Surface::Diffuse(_) | Surface::DiffuseTransmission { .. } => Features::default(),
         Surface::Conductor(it) => facets(&it.facets).with(Features::CONDUCTOR),
         Surface::Dielectric(it) => facets(&it.facets).with(Features::DIELECTRIC),

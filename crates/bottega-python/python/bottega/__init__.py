@@ -40,7 +40,7 @@ from ._lights import (
     SunLight,
 )
 from ._materials import BumpMap, Displacement, Material, Medium, NormalMap
-from ._native import Analysis, ImageFile, Picture, Voxels, __version__, read, stop_all
+from ._native import Analysis, ImageFile, MeasuredFile, Picture, Voxels, __version__, read, stop_all
 from ._requests import (
     DeviceOptions,
     EngineOptions,
@@ -71,6 +71,7 @@ from ._surfaces import (
     Hair,
     Iridescence,
     Layered,
+    Measured,
     Null,
     Phong,
     Plastic,
@@ -132,6 +133,8 @@ __all__ = [
     "LightingAgentOptions",
     "MachineView",
     "Material",
+    "Measured",
+    "MeasuredFile",
     "Medium",
     "Mesh",
     "NormalMap",

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import os
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Sequence, Union
 
+from ._native import MeasuredFile
 from ._values import (
     Color,
     CountKind,
@@ -232,6 +235,32 @@ class Ward(Surface):
     specular: Color = color(0.2)
     roughness: Roughness = of(RoughnessKind(), 0.1)
     variant: Literal["balanced", "ward", "duer"] = choice("balanced", "ward", "duer")
+
+
+class MeasuredFileKind(Kind):
+    """The tables of a measured material, or the path of its file, which is read at once."""
+
+    def check(self, value: Any, name: str) -> Any:
+        if isinstance(value, (str, os.PathLike)):
+            return MeasuredFile(value)
+        if isinstance(value, MeasuredFile):
+            return value
+        raise wrong(name, value, "the path of a .bsdf file or a MeasuredFile is needed")
+
+
+@dataclass
+class Measured(Surface):
+    """A measured reflectance: a `.bsdf` file of pbrt's and Mitsuba's `measured`, by its path or as a `MeasuredFile`, which surfaces share."""
+
+    tag = "measured"
+    file: MeasuredFile | str | os.PathLike[str] = of(MeasuredFileKind(), ...)
+
+    def plain(self, names: Names) -> Any:
+        return json.loads(self.__dict__["file"].json())
+
+    @classmethod
+    def of_plain(cls, plain: dict[str, Any], names: Names) -> Any:
+        return cls(MeasuredFile.of_json(json.dumps({cls.tag: plain})))
 
 
 @dataclass
@@ -471,6 +500,7 @@ _CLASSES: tuple[type[Surface], ...] = (
     Varnished,
     Phong,
     Ward,
+    Measured,
     Principled,
     Layered,
     Hair,

@@ -18,8 +18,8 @@
 //!   and up to 5 % too much over a diffuse base.
 //!
 //! The surfaces of Mitsuba and pbrt (`matte`, `conductor`, `dielectric`, `plastic`, `coated`, `varnish`, `gloss`,
-//! `principled`) use the formulas of those renderers, so that pictures of the same file agree; `hair` is that of both. Like
-//! there, light scattered more than once between facets is lost.
+//! `principled`) use the formulas of those renderers, so that pictures of the same file agree; `hair` and `measured` are those
+//! of both. Like there, light scattered more than once between facets is lost.
 
 mod base;
 mod beckmann;
@@ -39,6 +39,7 @@ mod hair;
 mod interface;
 mod layered;
 mod matte;
+mod measured;
 mod microfacet;
 mod params;
 mod plastic;

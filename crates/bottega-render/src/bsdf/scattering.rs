@@ -11,6 +11,7 @@ use super::hair::Hair;
 use super::interface::{Interface, TransmissionKind};
 use super::layered::{Layered, LayeredAt};
 use super::matte::{RoughMatte, Translucent};
+use super::measured::MeasuredReflection;
 use super::plastic::Plastic;
 use super::principled::{Principled, PrincipledSheet};
 use super::scatter::{Lobes, Scatter};
@@ -18,11 +19,11 @@ use super::subsurface::SubsurfaceExit;
 use super::varnish::Varnish;
 use super::{BsdfSample, LiftedNormal, LobeFlags, SurfaceParams, TransportMode, warp};
 
-/// The BSDF at one point. See the [module](super) for the local frame.
+/// The BSDF at one point. See the [module](super) for the local frame. It may refer to tables of the material.
 #[derive(Clone, Copy, Debug)]
-pub struct Bsdf {
+pub struct Bsdf<'s> {
     mode: TransportMode,
-    kind: BsdfKind,
+    kind: BsdfKind<'s>,
     change: Option<ScatterChange>,
 }
 
@@ -41,7 +42,7 @@ impl ScatterChange {
 }
 
 #[derive(Clone, Copy, Debug)]
-enum BsdfKind {
+enum BsdfKind<'s> {
     /// A surface that scatters nothing.
     Black,
     /// A Lambertian surface: f = color / π, not black.
@@ -49,12 +50,12 @@ enum BsdfKind {
     /// A bare mirror, clear solid or thin sheet: a shortcut with the same result as the layers.
     Smooth(Interface),
     Layered(Layered),
-    Other(OtherBsdf),
+    Other(OtherBsdf<'s>),
 }
 
 /// BSDFs of surfaces other than glTF's layered one.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum OtherBsdf {
+pub(super) enum OtherBsdf<'s> {
     RoughMatte(RoughMatte),
     Translucent(Translucent),
     Conductor(Conductor),
@@ -66,6 +67,7 @@ pub(super) enum OtherBsdf {
     Principled(Principled),
     PrincipledSheet(PrincipledSheet),
     Hair(Hair),
+    Measured(MeasuredReflection<'s>),
     SubsurfaceExit(SubsurfaceExit),
 }
 
@@ -84,12 +86,13 @@ macro_rules! ask {
             OtherBsdf::Principled($it) => $answer,
             OtherBsdf::PrincipledSheet($it) => $answer,
             OtherBsdf::Hair($it) => $answer,
+            OtherBsdf::Measured($it) => $answer,
             OtherBsdf::SubsurfaceExit($it) => $answer,
         }
     };
 }
 
-impl Scatter for OtherBsdf {
+impl Scatter for OtherBsdf<'_> {
     fn eval_pdf(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> (Spectrum, f32) {
         ask!(self, it => it.eval_pdf(wo, wi, mode))
     }
@@ -124,10 +127,10 @@ enum KindAt<'a> {
     Lambert(Spectrum),
     Smooth(&'a Interface, Vec3, TransportMode, Spectrum),
     Layered(LayeredAt<'a>),
-    Other(&'a OtherBsdf, Vec3, TransportMode),
+    Other(&'a OtherBsdf<'a>, Vec3, TransportMode),
 }
 
-impl Bsdf {
+impl<'s> Bsdf<'s> {
     /// Creates the BSDF of the layered material for the transport of radiance; values outside of their ranges are
     /// clamped.
     pub fn new(params: &SurfaceParams) -> Self {
@@ -149,7 +152,7 @@ impl Bsdf {
         Self::other(Some(OtherBsdf::SubsurfaceExit(SubsurfaceExit::new(&params.clamped()))))
     }
 
-    const fn of(kind: BsdfKind) -> Self {
+    const fn of(kind: BsdfKind<'s>) -> Self {
         Self { mode: TransportMode::Radiance, kind, change: None }
     }
 
@@ -164,8 +167,34 @@ impl Bsdf {
     }
 
     /// Wraps one of the other kinds; `None`: black.
-    pub(super) fn other(other: Option<OtherBsdf>) -> Self {
+    pub(super) fn other(other: Option<OtherBsdf<'s>>) -> Self {
         Self::of(other.map_or(BsdfKind::Black, BsdfKind::Other))
+    }
+
+    /// Returns the same BSDF if it refers to no tables of a scene; else `None`.
+    pub(crate) fn without_tables(self) -> Option<Bsdf<'static>> {
+        let kind = match self.kind {
+            BsdfKind::Black => BsdfKind::Black,
+            BsdfKind::Lambert(color) => BsdfKind::Lambert(color),
+            BsdfKind::Smooth(boundary) => BsdfKind::Smooth(boundary),
+            BsdfKind::Layered(layers) => BsdfKind::Layered(layers),
+            BsdfKind::Other(other) => BsdfKind::Other(match other {
+                OtherBsdf::RoughMatte(it) => OtherBsdf::RoughMatte(it),
+                OtherBsdf::Translucent(it) => OtherBsdf::Translucent(it),
+                OtherBsdf::Conductor(it) => OtherBsdf::Conductor(it),
+                OtherBsdf::Dielectric(it) => OtherBsdf::Dielectric(it),
+                OtherBsdf::Plastic(it) => OtherBsdf::Plastic(it),
+                OtherBsdf::Stack(it) => OtherBsdf::Stack(it),
+                OtherBsdf::Varnish(it) => OtherBsdf::Varnish(it),
+                OtherBsdf::Gloss(it) => OtherBsdf::Gloss(it),
+                OtherBsdf::Principled(it) => OtherBsdf::Principled(it),
+                OtherBsdf::PrincipledSheet(it) => OtherBsdf::PrincipledSheet(it),
+                OtherBsdf::Hair(it) => OtherBsdf::Hair(it),
+                OtherBsdf::SubsurfaceExit(it) => OtherBsdf::SubsurfaceExit(it),
+                OtherBsdf::Measured(_) => return None,
+            }),
+        };
+        Some(Bsdf { mode: self.mode, kind, change: self.change })
     }
 
     /// Returns the same BSDF with a perturbed shading normal.
@@ -414,7 +443,7 @@ fn is_above(wo: Vec3) -> bool {
 mod tests {
     use super::*;
 
-    fn layered(params: &SurfaceParams) -> Bsdf {
+    fn layered(params: &SurfaceParams) -> Bsdf<'static> {
         Bsdf::of(BsdfKind::Layered(Layered::new(&params.clamped())))
     }
 

@@ -15,6 +15,7 @@ use super::dielectric::Dielectric;
 use super::gloss::{Gloss, Highlight};
 use super::hair::{Hair, HairParams, sigma_a_of_melanin, sigma_a_of_reflectance};
 use super::matte::{RoughMatte, Translucent};
+use super::measured::MeasuredReflection;
 use super::microfacet::Microfacets;
 use super::plastic::Plastic;
 use super::principled::{Principled, PrincipledParams, PrincipledSheet};
@@ -130,7 +131,7 @@ pub(crate) fn anisotropy_at(scene: &Scene, anisotropy: &Anisotropy, uvs: impl Uv
 /// # Panics
 ///
 /// If a texture's image is not in the scene, which [`Scene::validate`] excludes.
-pub fn scattering(scene: &Scene, material: &Material, point: &SurfacePoint) -> Bsdf {
+pub fn scattering<'m>(scene: &Scene, material: &'m Material, point: &SurfacePoint) -> Bsdf<'m> {
     match material.surface_of(point.front) {
         Some(surface) => of_surface(scene, surface, point).with_lifted(point.lifted),
         None => Bsdf::black(),
@@ -146,7 +147,7 @@ pub(crate) fn interior_at(scene: &Scene, material: &Material, point: &SurfacePoi
 }
 
 /// Returns the scattering of light that leaves `material` from below at a point, seen from outside.
-pub(crate) fn leaving(scene: &Scene, material: &Material, point: &SurfacePoint) -> Bsdf {
+pub(crate) fn leaving(scene: &Scene, material: &Material, point: &SurfacePoint) -> Bsdf<'static> {
     let part = material.surface_of(point.front).map(|surface| part_at(scene, surface, point).0);
     match part {
         Some(Surface::Layered(layered)) => Bsdf::leaving(&of_layered(scene, layered, point)),
@@ -178,7 +179,7 @@ fn part_at<'a>(scene: &Scene, mut surface: &'a Surface, point: &SurfacePoint) ->
     }
 }
 
-fn of_surface(scene: &Scene, surface: &Surface, point: &SurfacePoint) -> Bsdf {
+fn of_surface<'m>(scene: &Scene, surface: &'m Surface, point: &SurfacePoint) -> Bsdf<'m> {
     match part_at(scene, surface, point) {
         (part, 1.0) => of_part(scene, part, point),
         (part, gain) => of_part(scene, part, point).times(gain),
@@ -186,7 +187,7 @@ fn of_surface(scene: &Scene, surface: &Surface, point: &SurfacePoint) -> Bsdf {
 }
 
 /// Returns the scattering of a surface that is neither a blend nor a sum.
-fn of_part(scene: &Scene, surface: &Surface, point: &SurfacePoint) -> Bsdf {
+fn of_part<'m>(scene: &Scene, surface: &'m Surface, point: &SurfacePoint) -> Bsdf<'m> {
     match surface {
         Surface::Null | Surface::Unlit(_) | Surface::Blend { .. } | Surface::Sum(_) => Bsdf::black(),
         Surface::Layered(layered) => Bsdf::new(&of_layered(scene, layered, point)),
@@ -226,10 +227,11 @@ fn of_part(scene: &Scene, surface: &Surface, point: &SurfacePoint) -> Bsdf {
             }))
         }
         Surface::Hair(hair) => Bsdf::other(Some(OtherBsdf::Hair(Hair::new(&of_hair(scene, hair, point))))),
+        Surface::Measured(measured) => Bsdf::other(Some(OtherBsdf::Measured(MeasuredReflection(measured)))),
     }
 }
 
-fn of_diffuse(scene: &Scene, diffuse: &Diffuse, point: &SurfacePoint) -> Bsdf {
+fn of_diffuse(scene: &Scene, diffuse: &Diffuse, point: &SurfacePoint) -> Bsdf<'static> {
     let color = point.base(scene, &diffuse.reflectance);
     let deviation = point.scalar(scene, &diffuse.roughness);
     if deviation > 0.0 && color != Spectrum::ZERO {
@@ -285,7 +287,7 @@ fn of_varnished(scene: &Scene, varnished: &Varnished, point: &SurfacePoint) -> O
     Some(Varnish { eta, facets, cover, specular: point.share(scene, &varnished.specular), absorption, base })
 }
 
-fn of_coated(scene: &Scene, coated: &Coated, point: &SurfacePoint) -> OtherBsdf {
+fn of_coated(scene: &Scene, coated: &Coated, point: &SurfacePoint) -> OtherBsdf<'static> {
     let eta = sound_eta(coated.eta);
     let facets = point.facets(scene, &coated.facets);
     let layer = ClearLayer {

@@ -223,7 +223,12 @@ impl Path<'_> {
 
     /// Returns the BSDF at a point: a shared constant one, or one evaluated from textures and stored in `storage`.
     #[inline(always)]
-    fn bsdf<'b>(&mut self, point: &Interaction, known: &PreparedMaterial, storage: &'b mut Option<Bsdf>) -> &'b Bsdf
+    fn bsdf<'b>(
+        &mut self,
+        point: &Interaction,
+        known: &PreparedMaterial,
+        storage: &'b mut Option<Bsdf<'b>>,
+    ) -> &'b Bsdf<'b>
     where
         Self: 'b,
     {

@@ -62,7 +62,7 @@ pub(crate) struct PathCounts {
 impl PathCounts {
     /// Counts a vertex on a surface with this BSDF.
     #[inline(always)]
-    pub(super) fn meet(&mut self, bsdf: &Bsdf, known: &PreparedMaterial) {
+    pub(super) fn meet(&mut self, bsdf: &Bsdf<'_>, known: &PreparedMaterial) {
         self.layered += u32::from(bsdf.is_layered());
         self.lookups += u32::from(known.texture_count);
     }

@@ -23,7 +23,7 @@ const SIGNIFICANCE: f64 = 0.01;
 
 /// ∫ pdf sin θ dθ dφ over a rectangle, by Gauss's rule with 2 × 2 nodes, halved until that changes little.
 struct Quadrature<'a> {
-    bsdf: &'a Bsdf,
+    bsdf: &'a Bsdf<'a>,
     wo: Vec3,
 }
 
@@ -53,7 +53,7 @@ impl Quadrature<'_> {
     }
 }
 
-fn expected(bsdf: &Bsdf, wo: Vec3) -> Vec<f64> {
+fn expected(bsdf: &Bsdf<'_>, wo: Vec3) -> Vec<f64> {
     let quadrature = Quadrature { bsdf, wo };
     let size = [PI / POLAR as f64, TAU / AZIMUTHS as f64];
     let mut bins = Vec::with_capacity(POLAR * AZIMUTHS + 1);
@@ -70,7 +70,7 @@ fn expected(bsdf: &Bsdf, wo: Vec3) -> Vec<f64> {
     bins
 }
 
-fn observed(bsdf: &Bsdf, wo: Vec3, seed: u64) -> Vec<f64> {
+fn observed(bsdf: &Bsdf<'_>, wo: Vec3, seed: u64) -> Vec<f64> {
     let mut bins = vec![0.0; POLAR * AZIMUTHS + 1];
     let mut uniform = Uniform::new(seed);
     for _ in 0..SAMPLES {
@@ -110,11 +110,16 @@ fn p_value(expected: &[f64], observed: &[f64]) -> f64 {
 }
 
 /// Tests a kind of material, made for each roughness, at all angles and roughnesses.
-pub(crate) fn check(name: &str, bsdf: impl Fn(f32) -> Bsdf) {
-    let cases = ANGLES.len() * ROUGHNESS.len();
+pub(crate) fn check(name: &str, bsdf: impl Fn(f32) -> Bsdf<'static>) {
+    check_each(name, &ROUGHNESS, bsdf);
+}
+
+/// Tests a kind of material, made for each of some roughnesses, at all angles.
+pub(crate) fn check_each(name: &str, roughnesses: &[f32], bsdf: impl Fn(f32) -> Bsdf<'static>) {
+    let cases = ANGLES.len() * roughnesses.len();
     let threshold = 1.0 - (1.0 - SIGNIFICANCE).powf(1.0 / cases as f64);
     for (a, &cos) in ANGLES.iter().enumerate() {
-        for (r, &roughness) in ROUGHNESS.iter().enumerate() {
+        for (r, &roughness) in roughnesses.iter().enumerate() {
             let bsdf = bsdf(roughness);
             let wo = at(cos, 0.4);
             let p = p_value(&expected(&bsdf, wo), &observed(&bsdf, wo, (a * 100 + r) as u64));

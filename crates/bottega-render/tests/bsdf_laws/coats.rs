@@ -192,7 +192,7 @@ impl Stack {
     }
 
     /// The same for the renderer.
-    fn bsdf(&self) -> Bsdf {
+    fn bsdf(&self) -> Bsdf<'static> {
         let facets = |alpha: f64| Facets {
             distribution: Distribution::Ggx,
             roughness: [(alpha as f32).into(), (alpha as f32).into()],

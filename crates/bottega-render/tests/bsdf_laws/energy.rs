@@ -10,7 +10,7 @@ use glam::Vec3;
 use crate::bsdf_laws::support::{Uniform, at};
 
 /// Mean weight of `count` samples, and its standard error, by channel.
-pub(crate) fn measured_albedo(bsdf: &Bsdf, wo: Vec3, count: u32, seed: u64) -> (Spectrum, Spectrum) {
+pub(crate) fn measured_albedo(bsdf: &Bsdf<'_>, wo: Vec3, count: u32, seed: u64) -> (Spectrum, Spectrum) {
     let mut uniform = Uniform::new(seed);
     let (mut sum, mut squares) = (Spectrum::ZERO, Spectrum::ZERO);
     for i in 0..count {
@@ -25,7 +25,7 @@ pub(crate) fn measured_albedo(bsdf: &Bsdf, wo: Vec3, count: u32, seed: u64) -> (
     (mean, Spectrum::new(variance.x.sqrt(), variance.y.sqrt(), variance.z.sqrt()) / (count as f32).sqrt())
 }
 
-fn bsdf_of(params: &SurfaceParams) -> Bsdf {
+fn bsdf_of(params: &SurfaceParams) -> Bsdf<'static> {
     Bsdf::new(params).with_mode(TransportMode::Importance)
 }
 

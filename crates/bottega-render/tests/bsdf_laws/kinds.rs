@@ -218,7 +218,7 @@ const WALKS: &[Kind] = &[
     ("milky matte", true, |r| coated(even(GGX, r * r), 0.5, 0.8, diffuse_base(GRAY))),
 ];
 
-fn make(kind: &Kind, roughness: f32) -> Bsdf {
+fn make(kind: &Kind, roughness: f32) -> Bsdf<'static> {
     bsdf_of(&Material::from((kind.2)(roughness)), kind.1)
 }
 

@@ -18,7 +18,7 @@ const GLASS: SurfaceParams = SurfaceParams {
 };
 
 /// Energy and mean direction of the samples on each side: reflected, transmitted.
-fn sides(bsdf: &Bsdf, wo: Vec3) -> [(f32, Vec3); 2] {
+fn sides(bsdf: &Bsdf<'_>, wo: Vec3) -> [(f32, Vec3); 2] {
     let mut uniform = Uniform::new(5);
     let mut sums = [(0.0, Vec3::ZERO); 2];
     const COUNT: u32 = 20_000;

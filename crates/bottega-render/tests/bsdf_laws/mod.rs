@@ -7,5 +7,6 @@ mod energy;
 mod golden;
 mod kinds;
 mod limits;
+mod measured;
 mod support;
 mod symmetry;

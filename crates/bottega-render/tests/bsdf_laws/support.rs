@@ -65,7 +65,9 @@ impl Uniform {
 }
 
 /// The scattering of an untextured material.
-pub(crate) fn bsdf_of(material: &Material, front: bool) -> Bsdf {
+pub(crate) fn bsdf_of(material: &Material, front: bool) -> Bsdf<'static> {
+    // It may refer to the material
+    let material = Box::leak(Box::new(material.clone()));
     scattering(&Scene::default(), material, &SurfacePoint::plain(front))
 }
 

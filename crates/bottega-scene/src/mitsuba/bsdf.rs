@@ -194,6 +194,10 @@ fn surface(
         "hair" => Surface::Hair(Box::new(hair(context, textures, object)?)),
         "phong" => Surface::Phong(phong(context, textures, object)?),
         "ward" => Surface::Ward(ward(context, textures, object)?),
+        "measured" => {
+            let location = context.filename(object)?;
+            Surface::Measured(context.measured.get(context.resources, &location)?)
+        }
         _ => {
             let message = format!("the {} is not supported; gray diffuse replaces it", object.describe());
             context.warn(object.at, message);

@@ -9,6 +9,7 @@ use super::needless::NEEDLESS;
 use super::report::ImportReport;
 use crate::error::SceneError;
 use crate::import::text_place::{ImportResult, TextPlace};
+use crate::measured::MeasuredFiles;
 use crate::resource::{Location, Resources};
 use crate::text::shortened;
 
@@ -24,6 +25,7 @@ pub(super) struct ImportContext<'a> {
     pub(super) resources: &'a Resources<'a>,
     /// Offset that is subtracted from all world positions.
     pub(super) origin: DVec3,
+    pub(super) measured: MeasuredFiles,
     /// Files and warnings, for messages.
     pub(super) report: ImportReport,
     /// Number of conversions so far, which is limited.
@@ -40,7 +42,8 @@ impl<'a> ImportContext<'a> {
         origin: DVec3,
         report: ImportReport,
     ) -> Self {
-        Self { document, resources, origin, report, conversions: 0, visited: vec![false; document.objects.len()] }
+        let (measured, visited) = (MeasuredFiles::default(), vec![false; document.objects.len()]);
+        Self { document, resources, origin, measured, report, conversions: 0, visited }
     }
 
     /// Returns the world transformation of an object.

@@ -95,7 +95,7 @@ impl Context<'_> {
         {
             return Ok(Color::Samples(SampledSpectrum::constant(f64::from(eta))));
         }
-        if name.starts_with("stdillum-")
+        if (name.starts_with("stdillum-") || name.starts_with("illum-"))
             && let Some(color) = named::illuminant(name)
         {
             return Ok(Color::Illuminant(color));

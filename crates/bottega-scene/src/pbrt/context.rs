@@ -8,6 +8,7 @@ use super::needless::{Directive, NEEDLESS};
 use super::params::Params;
 use crate::error::{SceneError, Warnings};
 use crate::import::text_place::{ImportError, ImportResult, TextFiles, TextPlace};
+use crate::measured::MeasuredFiles;
 use crate::options::LoadOptions;
 use crate::resource::Resources;
 use crate::text::shortened;
@@ -18,6 +19,7 @@ pub(super) struct Context<'a> {
     pub(super) options: &'a LoadOptions,
     /// Offset that is subtracted from all world positions.
     pub(super) origin: DVec3,
+    pub(super) measured: MeasuredFiles,
     warnings: &'a mut Warnings,
     /// The scene file and those that it includes.
     files: TextFiles,
@@ -31,7 +33,14 @@ impl<'a> Context<'a> {
         options: &'a LoadOptions,
         warnings: &'a mut Warnings,
     ) -> Self {
-        Self { resources, options, origin: DVec3::ZERO, warnings, files: TextFiles::new(path) }
+        Self {
+            resources,
+            options,
+            origin: DVec3::ZERO,
+            measured: MeasuredFiles::default(),
+            warnings,
+            files: TextFiles::new(path),
+        }
     }
 
     /// Registers an included file. Returns its index.

@@ -197,9 +197,10 @@ fn convert(context: &mut Context<'_>, textures: &mut PbrtTextures<'_, '_>, entit
         "subsurface" => subsurface(context, textures, entity)?,
         "hair" => hair(context, textures, entity)?,
         "measured" => {
-            params.mark_reported(&["filename"]);
-            context.unsupported(at, "the measured material is replaced by a gray matte one");
-            Surface::matte(Spectrum::splat(0.5))
+            let reference = params.text("filename")?.ok_or_else(|| at.fault("`measured` needs a `filename`"))?;
+            let place = context.place(params.place_of("filename"));
+            let location = context.resources.locate(reference, &place)?;
+            Surface::Measured(context.measured.get(context.resources, &location)?)
         }
         kind => {
             context.unsupported(

@@ -91,7 +91,7 @@ pub(crate) fn mitsuba_ior(name: &str) -> Option<f32> {
 
 /// Returns the colour, with luminance 1, of a CIE illuminant that pbrt-v4 names. `None`: the name is unknown.
 ///
-/// - `name`: with or without "stdillum-".
+/// - `name`: with or without "stdillum-" or, for acesD60, "illum-".
 pub(crate) fn illuminant(name: &str) -> Option<Spectrum> {
     // Chromaticities for the 2° observer (CIE 015:2018, tables 5 and 10.1 to 10.3; D60 of ACES: SMPTE ST 2065-1).
     let (x, y) = match name.strip_prefix("stdillum-").or_else(|| name.strip_prefix("illum-")).unwrap_or(name) {

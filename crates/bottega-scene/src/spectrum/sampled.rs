@@ -159,6 +159,31 @@ impl SampledSpectrum {
     }
 }
 
+/// Returns the color of each reflectance that is 1 at one of some wavelengths, 0 at the others, and linear between. By these
+/// weights the values of a reflectance at the wavelengths sum to its color, which [`SampledSpectrum::pbrt_reflectance`] clamps.
+///
+/// - `wavelengths`: in nanometres, in increasing order.
+pub(crate) fn reflectance_weights(wavelengths: &[f64]) -> Result<Vec<DVec3>, SpectrumError> {
+    let white = SampledSpectrum::new(wavelengths.iter().map(|&nm| (nm, 1.0)).collect())?.xyz(|seen| seen.d65);
+    let mut weights = vec![DVec3::ZERO; wavelengths.len()];
+    for nm in WAVELENGTH_MIN as u32..=WAVELENGTH_MAX as u32 {
+        let nm = f64::from(nm);
+        let seen = Observer::at(nm);
+        let light = rec709_of_xyz(seen.xyz * (seen.d65 / (white.y * observer::Y_INTEGRAL)));
+        let after = wavelengths.partition_point(|node| *node <= nm);
+        match (after.checked_sub(1), wavelengths.get(after)) {
+            (Some(before), Some(next)) => {
+                let share = (nm - wavelengths[before]) / (next - wavelengths[before]);
+                weights[before] += light * (1.0 - share);
+                weights[after] += light * share;
+            }
+            (Some(last), None) => weights[last] += light,
+            (None, _) => weights[0] += light,
+        }
+    }
+    Ok(weights)
+}
+
 /// Returns the spectral radiance of a black body, in W·m⁻²·sr⁻¹·nm⁻¹ (SI constants of 2019).
 pub(crate) fn planck(nm: f64, kelvin: f64) -> f64 {
     const C: f64 = 299_792_458.0;

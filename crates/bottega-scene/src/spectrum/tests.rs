@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::file::read_spd;
 use super::named::{glass, illuminant, metal, mitsuba_ior};
-use super::sampled::{SampledSpectrum, planck};
+use super::sampled::{SampledSpectrum, planck, reflectance_weights};
 use crate::budget::MemoryBudget;
 use crate::color::Spectrum;
 
@@ -133,4 +133,17 @@ fn files_of_spectra_are_checked() {
         assert!(error.contains(place) && error.contains("a.spd"), "{text}: {error}");
     }
     assert!(read("# nothing").is_err());
+}
+
+#[test]
+fn weights_of_wavelengths_sum_to_the_color_of_a_reflectance() {
+    let values = [0.5, 0.45, 0.3, 0.4, 0.6];
+    // Some wavelengths lie outside of the visible range
+    for wavelengths in [[400.0, 450.0, 510.0, 610.0, 700.0], [200.0, 440.0, 441.5, 900.0, 1000.0]] {
+        let weights = reflectance_weights(&wavelengths).unwrap();
+        let sum: glam::DVec3 = weights.iter().zip(values).map(|(weight, value)| *weight * value).sum();
+        let samples: Vec<(f64, f64)> = wavelengths.into_iter().zip(values).collect();
+        assert_close(sampled(&samples).pbrt_reflectance(), sum.as_vec3().to_array(), 1e-5);
+    }
+    assert!(reflectance_weights(&[]).is_err() && reflectance_weights(&[500.0, 400.0]).is_err());
 }

@@ -15,7 +15,7 @@ impl Surface {
 
     fn add_params<'a>(&'a self, colors: &mut Vec<&'a ColorParam>, scalars: &mut Vec<&'a ScalarParam>) {
         match self {
-            Self::Null => {}
+            Self::Null | Self::Measured(_) => {}
             Self::Unlit(color) => colors.push(color),
             Self::Diffuse(diffuse) => diffuse.add_params(colors, scalars),
             Self::DiffuseTransmission { reflectance, transmittance } => colors.extend([reflectance, transmittance]),

@@ -2,8 +2,8 @@
 
 use bottega_render::bsdf::{SurfacePoint, scattering};
 use bottega_scene::{
-    Channel, Coated, CoatedBase, ColorParam, Diffuse, Facets, Image, ImageId, Mapping, MappingKind, Material, Phong,
-    SURFACE_UV_SETS, ScalarParam, Scene, Spectrum, Surface, TextureMap,
+    Channel, Coated, CoatedBase, ColorParam, Diffuse, Facets, Image, ImageId, Mapping, MappingKind, Material, Measured,
+    Phong, SURFACE_UV_SETS, ScalarParam, Scene, Spectrum, Surface, TextureMap,
 };
 use glam::{Affine3A, Vec2, Vec3};
 
@@ -79,6 +79,10 @@ fn unsupported_features_are_named() {
     let phong = Surface::Phong(Phong { diffuse: white(), specular: white(), exponent: 30.0.into() });
     let unsupported = EncodedMaterials::new(&scene(phong), &[]).unwrap_err();
     assert_eq!(unsupported.to_string(), "not for a GPU: highlights of Phong and Ward");
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/models/measured.bsdf");
+    let measured = Surface::Measured(Measured::read(file.as_ref(), 1 << 20).unwrap().into());
+    let unsupported = EncodedMaterials::new(&scene(measured), &[]).unwrap_err();
+    assert_eq!(unsupported.to_string(), "not for a GPU: measured materials");
     let mapping = Mapping { kind: MappingKind::Planar, mapping_from_world: Affine3A::IDENTITY };
     let in_space = TextureMap { uv_set: SURFACE_UV_SETS, ..TextureMap::new(ImageId(0)) };
     let color = ColorParam { factor: Spectrum::ONE, texture: Some(in_space) };

@@ -251,7 +251,7 @@ impl<'a> GatherPath<'a> {
         &mut self,
         state: &GatherState,
         vertex: &SurfaceVertex<'_>,
-        bsdf: &Bsdf,
+        bsdf: &Bsdf<'_>,
         distance: f32,
         surroundings: &mut Option<Surroundings<'a>>,
     ) -> Remainder {
@@ -341,7 +341,7 @@ impl<'a> GatherPath<'a> {
     }
 
     /// Returns the distribution of indirect light at a gathering surface, if it is wanted and the photons give one.
-    fn aim(&self, vertex: &SurfaceVertex<'_>, bsdf: &Bsdf) -> Option<IncidentSampling<'a>> {
+    fn aim(&self, vertex: &SurfaceVertex<'_>, bsdf: &Bsdf<'_>) -> Option<IncidentSampling<'a>> {
         let photons = &self.integrator.photons;
         // A lobe as narrow as that of a polished surface guides better than some hundred photons
         const ROUGHNESS_MIN: f32 = 0.3;

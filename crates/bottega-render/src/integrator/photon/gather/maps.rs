@@ -21,7 +21,7 @@ use crate::{
 impl GatherPath<'_> {
     /// Adds the reflection of interpolated indirect light at a matte surface. Returns the share of it that is known, in
     /// [0, 1]: fractional only where the camera sees the surface, so that the agents' regions have no visible edges.
-    pub(super) fn add_interpolated(&mut self, state: &GatherState, vertex: &SurfaceVertex<'_>, bsdf: &Bsdf) -> f32 {
+    pub(super) fn add_interpolated(&mut self, state: &GatherState, vertex: &SurfaceVertex<'_>, bsdf: &Bsdf<'_>) -> f32 {
         let Some(agents) = self.agents else { return f32::from(u8::from(self.add_cached(state, vertex, bsdf))) };
         let point = vertex.point;
         let normals = [point.facing_ng(), point.frame[2]];
@@ -79,7 +79,7 @@ impl GatherPath<'_> {
     }
 
     /// Adds the reflection of all light that the map has for a matte surface. Returns `false` if it has none there.
-    pub(super) fn add_known(&mut self, state: &GatherState, vertex: &SurfaceVertex<'_>, bsdf: &Bsdf) -> bool {
+    pub(super) fn add_known(&mut self, state: &GatherState, vertex: &SurfaceVertex<'_>, bsdf: &Bsdf<'_>) -> bool {
         let point = vertex.point;
         let normal = point.facing_ng();
         if self.integrator.photons.separate_maps {
@@ -100,7 +100,13 @@ impl GatherPath<'_> {
     }
 
     /// Adds light from separate maps: estimates the density of the photons near the place.
-    fn add_estimated(&mut self, state: &GatherState, vertex: &SurfaceVertex<'_>, bsdf: &Bsdf, normal: Vec3) -> bool {
+    fn add_estimated(
+        &mut self,
+        state: &GatherState,
+        vertex: &SurfaceVertex<'_>,
+        bsdf: &Bsdf<'_>,
+        normal: Vec3,
+    ) -> bool {
         let reflected = state.throughput * bsdf.albedo(vertex.wo) * FRAC_1_PI;
         let most = self.bounces_left(state);
         let GatherBuffers { found, by_bounces, .. } = &mut *self.buffers;
@@ -119,7 +125,7 @@ impl GatherPath<'_> {
     }
 
     /// Adds the reflection of cached indirect light at a matte surface. Returns `false` if the cache has none there.
-    pub(super) fn add_cached(&mut self, state: &GatherState, vertex: &SurfaceVertex<'_>, bsdf: &Bsdf) -> bool {
+    pub(super) fn add_cached(&mut self, state: &GatherState, vertex: &SurfaceVertex<'_>, bsdf: &Bsdf<'_>) -> bool {
         let Some(cache) = self.cache.filter(|_| is_matte(bsdf)) else { return false };
         let bounces = self.bounces_left(state);
         let Some(irradiance) = cache.at(vertex.point.p, vertex.point.frame[2], bounces) else { return false };

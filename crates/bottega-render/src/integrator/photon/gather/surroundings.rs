@@ -22,7 +22,7 @@ impl<'a> GatherPath<'a> {
         &mut self,
         state: &GatherState,
         vertex: &SurfaceVertex<'_>,
-        bsdf: &Bsdf,
+        bsdf: &Bsdf<'_>,
     ) -> Option<Surroundings<'a>> {
         let bounces = self.bounces_left(state);
         // Matte surfaces use irradiance; light through a surface is not recorded
