@@ -8,7 +8,7 @@ use crate::emission::EmissionProfile;
 use crate::medium::MediumId;
 use crate::param::{ColorParam, ScalarParam};
 use crate::surface::{Layered, Surface};
-use crate::texture::TextureMap;
+use crate::texture::{ImageId, TextureMap};
 
 /// The interpretation of a material's opacity, as in glTF.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -288,6 +288,15 @@ impl Material {
             |displacement: &Displacement| matches!(displacement.source, DisplacementSource::TangentVectors(_));
         let displaced = self.displacement.as_ref().is_some_and(is_along);
         self.relief.is_some() || displaced || self.surface.needs_tangents() || back
+    }
+
+    /// Returns true if the material refers to a picture.
+    pub(crate) fn uses_image(&self, image: ImageId) -> bool {
+        let profile = match &self.emission_profile {
+            EmissionProfile::Picture(picture) => Some(picture.image),
+            _ => None,
+        };
+        profile == Some(image) || self.textures().iter().any(|map| map.image == image)
     }
 
     /// Returns every texture that the material refers to: those of both sides, of emission, opacity, relief and

@@ -6,7 +6,7 @@ use glam::{Affine3A, Vec2, Vec3, Vec3A};
 use serde::{Deserialize, Serialize};
 
 use crate::color::Spectrum;
-use crate::emission::EmissionProfile;
+use crate::emission::{DirectionPicture, EmissionProfile};
 use crate::light::SpotFalloff;
 use crate::material::Material;
 use crate::model::{COORDINATE_MAX, Instance, Mesh, Scene};
@@ -17,7 +17,7 @@ use crate::visibility::Visibility;
 /// Number of corners of the polygon that stands for an ellipse; its area is the ellipse's.
 const ELLIPSE_CORNERS: u32 = 48;
 
-/// A sphere that emits, everywhere or into a cone: a point or spot light with soft shadows.
+/// A sphere that emits everywhere, into a cone or by a picture of directions: a point or spot light with soft shadows.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SphereLight {
     /// Centre, world space.
@@ -30,6 +30,9 @@ pub struct SphereLight {
     pub intensity: Spectrum,
     /// Cone of a spot; `None`: it emits in all directions.
     pub spot: Option<SpotCone>,
+    /// Factor of the intensity by direction, in place of a cone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile: Option<DirectionPicture>,
 }
 
 /// The cone of a spot. The radiance of every point of the light falls off by the angle of its direction to the axis.
@@ -75,12 +78,19 @@ impl SphereLight {
         if !(self.radius > 0.0 && self.radius <= COORDINATE_MAX) {
             return Err("its radius is not above 0");
         }
-        let profile = self.spot.map_or(EmissionProfile::Diffuse, |spot| {
-            let SpotCone { direction: axis, cos_inner, cos_outer, falloff } = spot;
-            EmissionProfile::Spot { axis, cos_inner, cos_outer, falloff }
-        });
+        let profile = match (self.spot, self.profile) {
+            (None, None) => EmissionProfile::Diffuse,
+            (Some(SpotCone { direction: axis, cos_inner, cos_outer, falloff }), None) => {
+                EmissionProfile::Spot { axis, cos_inner, cos_outer, falloff }
+            }
+            (None, Some(picture)) => EmissionProfile::Picture(picture),
+            (Some(_), Some(_)) => return Err("it has both a cone and a picture of directions: put the cone into the picture"),
+        };
         if !profile.is_sound() {
-            return Err("its cone is inside out, or its direction not of unit length");
+            return Err(match profile {
+                EmissionProfile::Picture(_) => "its orientation is not a rotation",
+                _ => "its cone is inside out, or its direction not of unit length",
+            });
         }
         emitter(self.intensity / (std::f32::consts::PI * self.radius * self.radius), profile)
     }

@@ -1,6 +1,6 @@
 //! Emitting spheres, sampled uniformly in the solid angle that they subtend.
 //!
-//! Parameters: centre, radius, radiance in W/(sr m²) per channel, a texture, the cone of a spot. Of a spot, the radiance falls
+//! Parameters: centre, radius, radiance in W/(sr m²) per channel, a texture, the cone of a spot or a picture of directions. Of a spot, the radiance falls
 //! off by the angle between the direction of light and the axis: full within the inner angle, 0 outside the outer one. With
 //! `smooth_cosine`, a smoothstep of the cosine, and an inner angle by the blend, this is the falloff of Blender's spots.
 //!
@@ -35,7 +35,7 @@ pub(super) fn bounds(scene: &Scene, sphere: &Sphere) -> LightBounds {
         material.emission.factor
     };
     let disk = PI * sphere.radius * sphere.radius;
-    Profile::new(&material.emission_profile).bounds(LightBounds {
+    Profile::new(&material.emission_profile).bounds(scene, LightBounds {
         bounds: Aabb::around(sphere.center, sphere.radius),
         ..LightBounds::point(sphere.center, disk * luminance(mean).max(0.0))
     })
@@ -95,7 +95,7 @@ pub(super) fn sample(surfaces: &Surfaces, sphere: &Sphere, from: Vec3, u: [f32; 
     }
     let mut radiance = radiance_at(scene, sphere, n);
     if known.profile != Profile::Diffuse {
-        radiance *= known.profile.factor(-wi, wi.dot(n));
+        radiance *= known.profile.factor(scene, -wi, wi.dot(n));
     }
     // Rays do not hit surfaces that are absent, so BSDF sampling cannot find this light
     let is_delta = material.alpha_mode == AlphaMode::Absent;

@@ -165,7 +165,7 @@ impl SurfaceLight {
         let normal = cross.normalize_or(Vec3::Z);
         let two_sided = material.emission_sides == Sides::Both;
         let axis = if material.emission_sides == Sides::Back { -normal } else { normal };
-        Profile::new(&material.emission_profile).bounds(LightBounds {
+        Profile::new(&material.emission_profile).bounds(scene, LightBounds {
             bounds,
             cone: Cone::of(axis),
             emission_angle: std::f32::consts::FRAC_PI_2,
@@ -251,7 +251,7 @@ impl SurfaceLight {
         let wi = to_light / distance;
         if material.emission_profile != EmissionProfile::Diffuse {
             let profile = surfaces.material(self.material).1.profile;
-            radiance *= profile.factor(-wi, facing.abs() / (double_area * distance));
+            radiance *= profile.factor(scene, -wi, facing.abs() / (double_area * distance));
             if radiance == Spectrum::ZERO {
                 return None;
             }

@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use glam::Mat3;
 
 use super::{EditError, EditedLight, EditedLightKind, EditedSphere, EntryKind, PutMode, SceneEditor};
+use crate::emission::DirectionPicture;
 use crate::camera::Camera;
 use crate::keys::check_transform_keys;
 use crate::light::Environment;
@@ -74,7 +75,14 @@ impl SceneEditor {
         let light = light.into();
         let checked = match &light.kind {
             EditedLightKind::Plain(kind) => self.base.check_light(kind).map_err(|problem| problem.0),
-            EditedLightKind::Sphere(light) => light.material().map(drop).map_err(Cow::from),
+            EditedLightKind::Sphere(light) => {
+                let is_there = |picture: DirectionPicture| (picture.image.0 as usize) < self.base.images.len();
+                if light.profile.is_none_or(is_there) {
+                    light.material().map(drop).map_err(Cow::from)
+                } else {
+                    Err("its picture does not exist".into())
+                }
+            }
             EditedLightKind::Area(light) => light.material().map(drop).map_err(Cow::from),
         };
         checked.map_err(|problem| EditError::value(EntryKind::Light, key, &problem))?;

@@ -6,6 +6,7 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 use openusd::usd::Prim;
 
 use super::context::{VisitedPrim, Walk};
+use super::light_profile::{self, LightProfile};
 use super::source::StageSource;
 use super::texture::{SourceSpace, StandIn, WantedTexture};
 use crate::model::Mesh;
@@ -20,6 +21,8 @@ pub(super) struct LightSpec {
     pub(super) strength: Strength,
     pub(super) texture: Option<ImageId>,
     pub(super) cone: Option<Cone>,
+    /// A profile, which contains the cone.
+    pub(super) profile: Option<LightProfile>,
 }
 
 /// The shape of a light, in its own space. Flat ones emit towards −z.
@@ -118,7 +121,16 @@ pub(super) fn read(walk: &mut Walk<'_, '_, '_>, visited: &VisitedPrim<'_>, kind:
     }
     // The fallback of the schema: the illuminance of sunlight
     let usual = if kind == "DistantLight" { 50_000.0 } else { 1.0 };
-    Some(LightSpec { shape, strength: strength(source, prim, time, usual), texture, cone: cone.filter(|_| takes_cone) })
+    let strength = strength(source, prim, time, usual);
+    let cone = cone.filter(|_| takes_cone);
+    if !takes_cone {
+        if light_profile::file_of(source, prim, time).is_some() {
+            source.unsupported(path, "the profile of a light at infinity is left out");
+        }
+        return Some(LightSpec { shape, strength, texture, cone, profile: None });
+    }
+    let profile = light_profile::read(source, &mut walk.materials.textures, prim, time, cone);
+    Some(LightSpec { shape, strength, texture, cone: cone.filter(|_| profile.is_none()), profile })
 }
 
 /// Returns the strength of a surface that is a light; `None`: it is not a light.
@@ -129,6 +141,9 @@ pub(super) fn of_surface(walk: &Walk<'_, '_, '_>, visited: &VisitedPrim<'_>) -> 
         return None;
     }
     report_unused(source, prim, time, &schemas);
+    if light_profile::file_of(source, prim, time).is_some() {
+        source.unsupported(prim.path().as_str(), "the profile of a surface that is a light is left out");
+    }
     let sync = source.text(prim, "light:materialSyncMode", time);
     if sync.as_deref().is_some_and(|mode| mode != "materialGlowTintsLight") {
         source.unsupported(
@@ -140,7 +155,7 @@ pub(super) fn of_surface(walk: &Walk<'_, '_, '_>, visited: &VisitedPrim<'_>) -> 
 }
 
 /// Returns an input by its name of today, or the one from before the prefix `inputs:`.
-fn input(source: &StageSource<'_>, prim: &Prim, name: &str, time: f64) -> Option<f64> {
+pub(super) fn input(source: &StageSource<'_>, prim: &Prim, name: &str, time: f64) -> Option<f64> {
     source.number(prim, &format!("inputs:{name}"), time).or_else(|| source.number(prim, name, time))
 }
 
@@ -246,10 +261,6 @@ fn report_unused(source: &StageSource<'_>, prim: &Prim, time: f64, schemas: &[St
         if input(source, prim, name, time).is_some_and(|value| value != usual) {
             source.unsupported(path, format!("`inputs:{name}` is left out"));
         }
-    }
-    let has_file = |name: &str| source.file(prim, name, time).is_some();
-    if has_file("inputs:shaping:ies:file") || has_file("shaping:ies:file") {
-        source.unsupported(path, "a profile of IES is left out: the light shines equally in all directions");
     }
     if schemas.iter().any(|name| name == "ShadowAPI")
         && source.boolean(prim, "inputs:shadow:enable", time) == Some(false)

@@ -24,6 +24,7 @@ mod gprim;
 mod instancer;
 mod layer_text;
 mod light;
+mod light_profile;
 mod light_shape;
 mod look;
 mod material;
