@@ -36,7 +36,7 @@ pub enum EmissionProfile {
     Picture(DirectionPicture),
 }
 
-/// A picture that gives a factor for each direction: the mean of its channels. Its layout is
+/// A picture that gives a factor, R G B, for each direction. Its layout is
 /// [`EnvironmentMapping::LatitudeLongitudeToPoles`](crate::EnvironmentMapping); texels are interpolated.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DirectionPicture {

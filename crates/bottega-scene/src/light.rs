@@ -81,7 +81,7 @@ pub enum LightKind {
         /// Light space to world space: orthonormal; may mirror.
         #[serde(with = "crate::numbers")]
         world_from_light: Mat3,
-        /// The picture. The mean of its channels is used.
+        /// The picture. Of one of equal areas, the mean of its channels is used.
         image: ImageId,
         /// Layout of directions on the picture.
         #[serde(default = "EnvironmentMapping::equal_area", skip_serializing_if = "EnvironmentMapping::is_equal_area")]

@@ -5,7 +5,7 @@
 use std::f32::consts::PI;
 
 use bottega_kernels::math;
-use bottega_scene::{DirectionPicture, EnvironmentMapping, Image, ImageId, Scene, TextureMap, Wrap};
+use bottega_scene::{DirectionPicture, EnvironmentMapping, Image, ImageId, Scene, Spectrum, TextureMap, Wrap};
 use glam::{Mat3, Vec3};
 
 use super::environment::{EnvironmentRows, latitude_longitude, square_of};
@@ -28,7 +28,7 @@ impl<'a> DirectionLookup<'a> {
         Self::with_mapping(scene, picture.image, mapping, picture.world_from_light)
     }
 
-    /// Prepares a picture of any layout. Like pbrt, the nearest texel of pictures of equal areas is used.
+    /// Prepares a picture of any layout. Like pbrt, the nearest texel of a picture of equal areas is used.
     pub(super) fn with_mapping(
         scene: &'a Scene,
         image: ImageId,
@@ -41,15 +41,15 @@ impl<'a> DirectionLookup<'a> {
         Self { image: &scene.images[image.0 as usize], map, mapping, world_from_light }
     }
 
-    /// Returns the factor of a direction of unit length.
-    pub(super) fn factor(&self, direction: Vec3) -> f32 {
+    /// Returns the factor of a direction of unit length. Like pbrt, a picture of equal areas gives the mean of its channels.
+    pub(super) fn factor(&self, direction: Vec3) -> Spectrum {
         let local = self.world_from_light.transpose() * direction;
-        let place = if self.mapping == EnvironmentMapping::EqualArea {
-            square_of(local)
-        } else {
-            EnvironmentRows::new(self.mapping, self.image.size().1).place(latitude_longitude(local))
-        };
-        self.image.eval(&self.map, place, 0.0).truncate().element_sum() / 3.0
+        if self.mapping == EnvironmentMapping::EqualArea {
+            let texel = self.image.eval(&self.map, square_of(local), 0.0).truncate();
+            return Spectrum::splat(texel.element_sum() / 3.0);
+        }
+        let rows = EnvironmentRows::new(self.mapping, self.image.size().1);
+        self.image.eval(&self.map, rows.place(latitude_longitude(local)), 0.0).truncate()
     }
 }
 
@@ -130,7 +130,7 @@ mod tests {
     fn the_first_and_the_last_row_are_the_poles() {
         let scene = scene(3, 1);
         let lookup = picture(Mat3::from_rotation_z(std::f32::consts::FRAC_PI_2));
-        let factor = |direction: Vec3| DirectionLookup::new(&scene, &lookup).factor(direction);
+        let factor = |direction: Vec3| DirectionLookup::new(&scene, &lookup).factor(direction).y;
         // +y of the light is −x of the world
         assert!((factor(Vec3::NEG_X) - 1.0).abs() < 1e-5 && factor(Vec3::X).abs() < 1e-5);
         assert!(factor(Vec3::Z).abs() < 1e-5);

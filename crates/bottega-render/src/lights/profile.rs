@@ -3,7 +3,7 @@
 use std::f32::consts::{FRAC_PI_2, PI};
 
 use bottega_kernels::math;
-use bottega_scene::{DirectionPicture, EmissionProfile, Scene, SpotFalloff};
+use bottega_scene::{DirectionPicture, EmissionProfile, Scene, Spectrum, SpotFalloff};
 use glam::Vec3;
 
 use super::{
@@ -57,15 +57,15 @@ impl Profile {
     ///
     /// - `direction`: away from the surface, unit length.
     /// - `cosine`: of the angle between it and the normal on the side that emits.
-    pub(crate) fn factor(&self, scene: &Scene, direction: Vec3, cosine: f32) -> f32 {
+    pub(crate) fn factor(&self, scene: &Scene, direction: Vec3, cosine: f32) -> Spectrum {
         match *self {
-            Self::Diffuse => 1.0,
+            Self::Diffuse => Spectrum::ONE,
             Self::Spread { tangent, scale } => {
                 let tan_theta = (1.0 - cosine * cosine).max(0.0).sqrt() / cosine.abs().max(1e-9);
-                (tangent - tan_theta).max(0.0) * scale
+                Spectrum::splat((tangent - tan_theta).max(0.0) * scale)
             }
             Self::Spot { axis, cos_inner, cos_outer, falloff } => {
-                fall_off(falloff, direction.dot(axis), cos_inner, cos_outer)
+                Spectrum::splat(fall_off(falloff, direction.dot(axis), cos_inner, cos_outer))
             }
             Self::Picture(picture) => DirectionLookup::new(scene, &picture).factor(direction),
         }
@@ -119,7 +119,7 @@ impl Profile {
 
     /// Draws the direction of a photon that leaves a surface with normal `n`. Returns it with the factor of its power, where
     /// directions by the cosine alone have 1.
-    pub(super) fn leaving(&self, scene: &Scene, n: Vec3, [u, v]: [f32; 2]) -> (Vec3, f32) {
+    pub(super) fn leaving(&self, scene: &Scene, n: Vec3, [u, v]: [f32; 2]) -> (Vec3, Spectrum) {
         let within = |sine_squared: f32| {
             // A part of the disc below the hemisphere is a cone
             let local = cosine_hemisphere([u, v]);
@@ -129,7 +129,7 @@ impl Profile {
             (s * sine.x + t * sine.y + n * z, z)
         };
         match *self {
-            Self::Diffuse => (within(1.0).0, 1.0),
+            Self::Diffuse => (within(1.0).0, Spectrum::ONE),
             Self::Spread { tangent, .. } => {
                 let sine_squared = tangent * tangent / (1.0 + tangent * tangent);
                 let (direction, cosine) = within(sine_squared);
@@ -163,7 +163,7 @@ mod tests {
                     let Profile::Spread { tangent, scale } = profile else { return 0.0 };
                     let factor = (f64::from(tangent) - theta.tan()).max(0.0) * f64::from(scale);
                     if degrees >= 10.0 {
-                        let found = f64::from(profile.factor(&scene, direction, direction.z));
+                        let found = f64::from(profile.factor(&scene, direction, direction.z).x);
                         assert!(
                             (found - factor).abs() < 2e-3 * f64::from(tangent * scale),
                             "{degrees} {theta}: {found} {factor}"
