@@ -1,7 +1,8 @@
 //! Lights without extent: point, spot, goniometric and projector lights.
 //!
 //! Parameters: position; intensity in W/sr per channel; direction, inner and outer angle of a spot; the picture of a
-//! goniometric or projector light. Their shadows are sharp, and only light sampling finds them.
+//! goniometric or projector light. Lamps with a profile are goniometric lights. Their shadows are sharp, and only light
+//! sampling finds them.
 //!
 //! Source: KHR_lights_punctual; the emitters `point`, `spot`, `projector` of Mitsuba 3 and `goniometric` of pbrt-v4.
 

@@ -1,8 +1,9 @@
 //! Emitting spheres, sampled uniformly in the solid angle that they subtend.
 //!
-//! Parameters: centre, radius, radiance in W/(sr m²) per channel, a texture, the cone of a spot or a picture of directions. Of a spot, the radiance falls
-//! off by the angle between the direction of light and the axis: full within the inner angle, 0 outside the outer one. With
-//! `smooth_cosine`, a smoothstep of the cosine, and an inner angle by the blend, this is the falloff of Blender's spots.
+//! Parameters: centre, radius, radiance in W/(sr m²) per channel, a texture, the cone of a spot or the profile of a lamp, which
+//! is a factor by direction. Of a spot, the radiance falls off by the angle between the direction of light and the axis: full
+//! within the inner angle, 0 outside the outer one. With `smooth_cosine`, a smoothstep of the cosine, and an inner angle by the
+//! blend, this is the falloff of Blender's spots.
 //!
 //! Source: Shirley, Wang and Zimmerman 1996, *Monte Carlo Techniques for Direct Lighting Calculations*.
 

@@ -94,7 +94,7 @@ fn parse(text: &str) -> Result<IesProfile, IesFault> {
         *value *= factor;
         // A few files have small negative values, which are noise of the measurement
         *value = value.max(0.0);
-        if !(*value <= f64::from(crate::values::VALUE_MAX)) {
+        if *value > f64::from(crate::values::VALUE_MAX) {
             return Err(numbers.fault(format!("an intensity of {value} cd is more than can be computed with")));
         }
     }
