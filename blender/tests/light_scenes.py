@@ -52,23 +52,35 @@ def room() -> Any:
 
 @scene
 def profiles() -> None:
-    """Profiles on a point, a spot and an area light, turned."""
+    """Profiles on points, a spot and an area light, turned."""
     room()
     point = add_light("POINT", (-1, 1, 2.5), (20, 10, 30), energy=8, shadow_soft_size=0.05)
     profiled(point)
     profiled(add_light("POINT", (1.5, 2, 2), (90, 0, 0), energy=3, shadow_soft_size=0.0), 0.5, (1, 0.6, 0.3))
     profiled(add_light("SPOT", (2, -2, 3), (30, 10, 40), energy=20, spot_size=1.4, spot_blend=0.3, shadow_soft_size=0.1), color=(0.4, 0.7, 1))
-    profiled(add_light("AREA", (0, -3, 4), (30, 0, 0), energy=2, size=1.0))
+    profiled(add_light("AREA", (0, -3, 4), (30, 0, 0), energy=2, size=1.0, spread=2.5))
 
 
-@scene
-def lantern() -> None:
-    """A picture on a point light, by direction."""
-    room()
-    light = add_light("POINT", (0, 0, 2), (10, 20, 30), energy=200, shadow_soft_size=0.02)
+def pictured(light: Any) -> None:
+    """Gives a light a picture."""
     light.data.use_nodes = True
     tree = light.data.node_tree
     emission = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeEmission")
     image = tree.nodes.new("ShaderNodeTexImage")
     image.image = picture()
     tree.links.new(image.outputs["Color"], emission.inputs["Color"])
+
+
+@scene
+def lantern() -> None:
+    """A picture on a point light, by direction."""
+    room()
+    pictured(add_light("POINT", (0, 0, 2), (10, 20, 30), energy=200, shadow_soft_size=0.02))
+
+
+@scene
+def screen() -> None:
+    """Pictures on a rectangle and on a disk."""
+    room()
+    pictured(add_light("AREA", (-1.5, -2, 3.0), (60, 0, -20), energy=150, shape="RECTANGLE", size=2.0, size_y=1.0))
+    pictured(add_light("AREA", (1.5, -1, 3.5), (20, 10, 0), energy=200, shape="DISK", size=1.5))

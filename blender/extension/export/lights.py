@@ -5,7 +5,7 @@ strength E has E W·m⁻²."""
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Callable
 
 import bottega
 import bpy
@@ -38,7 +38,12 @@ def light_of(light: Any, matrix: Any, key: str, report: Report, pictures: Pictur
     picture = _picture(data, emission, light.name, key, report)
     if picture is None:
         color = np.maximum(color * _constant(data, emission), 0.0)
-    elif data.type in ("POINT", "SPOT"):
+    elif data.type == "AREA":
+        made = _area(data, placed, color, picture)
+        if made is not None:
+            made.visibility = visibility_of(light)
+        return made, picture
+    else:
         made = _lamp(data, placed, color, picture)
         made.visibility = visibility_of(light)
         return made, picture
@@ -99,7 +104,7 @@ def _constant(data: Any, emission: Field) -> np.ndarray:
     """Returns the emission of a light without a picture, (3,)."""
     if emission.is_constant:
         return np.broadcast_to(emission.load(), (3,)).astype(np.float64)
-    if emission.placing is not None and emission.placing.uv_name == BY_PROFILE and data.type in ("AREA", "SUN"):
+    if emission.placing is not None and emission.placing.uv_name == BY_PROFILE and data.type == "SUN":
         return along_axis(emission)
     return np.asarray(emission.load(), np.float64).reshape(-1, emission.channels).mean(0) * np.ones(3)
 
@@ -110,14 +115,19 @@ def _picture(data: Any, emission: Field, owner: str, key: str, report: Report) -
         return None
     placing = emission.placing
     is_profile = placing is not None and placing.uv_name == BY_PROFILE
-    if is_profile and data.type in ("AREA", "SUN"):
-        # Cycles looks at the profile along the normal, which is the same everywhere.
+    if is_profile and data.type == "SUN":
+        # All its light has one direction.
         return None
-    is_plain = placing is not None and placing.uv_name is None and placing.transform == IDENTITY and placing.wrap == "repeat"
+    is_by_uv = placing is not None and placing.uv_name is None
+    if data.type == "AREA" and is_by_uv:
+        return LampPicture(emission)
+    if data.type == "AREA" and is_profile:
+        return LampPicture(emission, _spread_of(data), f"spread {data.spread:.9g}")
+    is_plain = is_by_uv and placing.transform == IDENTITY and placing.wrap == "repeat"  # type: ignore[union-attr]
     if not (is_profile or (data.type == "POINT" and is_plain)):
         report.add(key, owner, "Node tree", Fidelity.LEFT_OUT, "a picture on a light is left out: the light has its mean")
         return None
-    if data.shadow_soft_size > SOFT and not getattr(data, "use_soft_falloff", False):
+    if not is_profile and data.shadow_soft_size > SOFT and not getattr(data, "use_soft_falloff", False):
         text = "its picture is looked up by the direction of light; by Cycles, by the normal of its sphere"
         report.add(key, owner, "Soft Falloff", Fidelity.APPROXIMATED, text)
     if data.type != "SPOT":
@@ -141,6 +151,19 @@ def _is_normalized(data: Any) -> bool:
     return getattr(data, "normalize", True)
 
 
+def _spread_of(data: Any) -> Callable[[Any], Any] | None:
+    """Returns the factor of an area light's radiance by the cosine to its axis; `None`: it emits into all directions."""
+    half = 0.5 * max(data.spread, math.radians(0.2))
+    if half > 0.5 * math.pi - 1e-4:
+        return None
+
+    def factor(cosines: Any) -> Any:
+        tangents = np.sqrt(1.0 - np.minimum(cosines * cosines, 1.0)) / np.maximum(cosines, 1e-6)
+        return np.maximum(math.tan(half) - tangents, 0.0) / (math.tan(half) - half)
+
+    return factor
+
+
 def _fields_of_lamp(data: Any, color: np.ndarray) -> dict[str, Any]:
     """Returns intensity and radius of a point or a spot."""
     radius = max(float(data.shadow_soft_size), 0.0)
@@ -150,11 +173,14 @@ def _fields_of_lamp(data: Any, color: np.ndarray) -> dict[str, Any]:
 
 
 def _lamp(data: Any, placed: np.ndarray, color: np.ndarray, picture: LampPicture) -> bottega.Light:
-    rotation = axes.without_scale(placed)[:3, :3] @ picture.lamp_from_picture
-    place = _numbers(placed[:3, 3])
+    place, rotation = _numbers(placed[:3, 3]), _rotation(placed, picture)
     mapping = "latitude_longitude_to_poles"
-    rows = [_numbers(row) for row in rotation]
-    return bottega.GoniometricLight(picture.key, place, rows, mapping=mapping, **_fields_of_lamp(data, color))
+    return bottega.GoniometricLight(picture.key, place, rotation, mapping=mapping, **_fields_of_lamp(data, color))
+
+
+def _rotation(placed: np.ndarray, picture: LampPicture) -> list[tuple[float, ...]]:
+    """Returns the rotation from the space of a picture to the world, by rows."""
+    return [_numbers(row) for row in axes.without_scale(placed)[:3, :3] @ picture.lamp_from_picture]
 
 
 def _point(data: Any, placed: np.ndarray, color: np.ndarray) -> bottega.Light:
@@ -171,7 +197,7 @@ def _sun(data: Any, placed: np.ndarray, color: np.ndarray) -> bottega.Light:
     return bottega.SunLight.by_matrix(place, _numbers(color * solid_angle), min(math.degrees(data.angle), 180.0))
 
 
-def _area(data: Any, placed: np.ndarray, color: np.ndarray) -> bottega.Light | None:
+def _area(data: Any, placed: np.ndarray, color: np.ndarray, picture: LampPicture | None = None) -> bottega.AreaLight | None:
     if getattr(getattr(data, "cycles", None), "is_portal", False):
         return None
     width = max(float(data.size), 1e-6)
@@ -184,4 +210,9 @@ def _area(data: Any, placed: np.ndarray, color: np.ndarray) -> bottega.Light | N
         power = power * sides * width * height * (math.pi / 4.0 if is_round else 1.0)
     shape = "ellipse" if is_round else "rectangle"
     spread = min(max(math.degrees(data.spread), 0.2), 180.0)
-    return bottega.AreaLight(axes.rows(placed), (width, height), _numbers(power), shape, spread)
+    made = bottega.AreaLight(axes.rows(placed), (width, height), _numbers(power), shape, spread)
+    if picture is not None and picture.is_profile:
+        made.spread, made.profile, made.profile_rotation = 180.0, picture.key, _rotation(placed, picture)
+    elif picture is not None:
+        made.texture = picture.texture()
+    return made

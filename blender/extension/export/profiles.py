@@ -15,7 +15,7 @@ from .colors import ColorReader, Unsupported
 from .fields import Field, Placing, cached, constant, scaled
 from .nodes import Source, named
 from .report import Fidelity
-from .textures import NoPlace
+from .textures import NoPlace, flipped
 
 # Watts of a lamp for a candela, as Cycles converts them: 4π over the lumens of a watt of D65.
 WATTS = 0.0706650768394
@@ -42,7 +42,7 @@ class LampReader(ColorReader):
         node = source.node
         vector = named(node, source.groups, "Vector")
         feed = vector.source() if vector is not None else None
-        if feed is not None and (feed.node.bl_idname, feed.output.name) != ("ShaderNodeTexCoord", "Normal"):
+        if feed is not None:
             raise NoPlace(f"coordinates from the node {feed.node.bl_label} for a profile")
         strength = self.at(source, "Strength", 1.0)
         try:
@@ -77,34 +77,40 @@ def _read(node: Any) -> tuple[str, bottega.IesProfile]:
 
 
 class LampPicture:
-    """The emission of a lamp by direction: an image, and its orientation.
+    """The emission of a lamp by direction, or of a flat one by position: an image, and its orientation.
 
     - `key`: of the image in the scene; equal pictures share it. `image`: makes it.
-    - `lamp_from_picture`: (3, 3), from the space of the image to that of the lamp.
+    - `is_profile`: it is that of a profile. `lamp_from_picture`: (3, 3), from the space of the image to that of the lamp.
     """
 
     def __init__(self, emission: Field, cone: Callable[[Any], Any] | None = None, cone_name: str = "") -> None:
         """Makes the picture of a field. `cone`: returns a factor for cosines to the axis −z of the lamp."""
         assert emission.placing is not None
-        is_profile = emission.placing.uv_name == BY_PROFILE
-        self.lamp_from_picture = _LAMP_FROM_PROFILE if is_profile else _LAMP_FROM_PICTURE
+        self.is_profile = emission.placing.uv_name == BY_PROFILE
+        self.lamp_from_picture = _LAMP_FROM_PROFILE if self.is_profile else _LAMP_FROM_PICTURE
         self._emission, self._cone = emission, cone
         digest = hashlib.sha256(f"{emission.name} {cone_name}".encode()).hexdigest()[:24]
         self.key = f"lamp {digest}"
+
+    def texture(self) -> bottega.Texture:
+        """Returns the texture of a flat lamp."""
+        placing = self._emission.placing
+        assert placing is not None
+        return bottega.Texture(self.key, transform=flipped(placing.transform), wrap=(placing.wrap, placing.wrap), smooth=placing.is_smooth)  # type: ignore[arg-type]
 
     def image(self) -> bottega.Image:
         """Makes the image, row 0 on top."""
         values = np.maximum(np.asarray(self._emission.load(), np.float32), 0.0)[::-1]
         if self._cone is not None:
-            sign = 1.0 if self.lamp_from_picture is _LAMP_FROM_PROFILE else -1.0
-            cosines = sign * np.cos(np.linspace(0.0, np.pi, values.shape[0]))
+            # Only profiles have a cone or a spread: their upper row is the axis
+            cosines = np.cos(np.linspace(0.0, np.pi, values.shape[0]))
             values = values * np.asarray(self._cone(cosines), np.float32)[:, None, None]
         pixels = values[..., 0] if values.shape[-1] == 1 else values
         return bottega.Image(np.ascontiguousarray(pixels, np.float32), "linear")
 
 
 def along_axis(emission: Field) -> np.ndarray:
-    """Returns the value of an emission by a profile at the axis −z of the lamp, where the normals of flat lamps and suns point, (3,)."""
+    """Returns the value of an emission by a profile at the axis −z of the lamp, (3,)."""
     # Of fields the last row is the uppermost; horizontally Cycles looks at 180°
     row = np.asarray(emission.load(), np.float64)[-1]
     return np.broadcast_to(row[row.shape[0] // 2], (3,)).astype(np.float64)

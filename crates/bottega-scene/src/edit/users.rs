@@ -43,6 +43,10 @@ impl SceneEditor {
         let is_lit_by = |kind: &EditedLightKind| match kind {
             EditedLightKind::Plain(LightKind::Projector { picture, .. }) => picture.image == image,
             EditedLightKind::Plain(LightKind::Goniometric { image: of, .. }) => *of == image,
+            EditedLightKind::Area(light) => {
+                light.texture.is_some_and(|map| map.image == image)
+                    || light.profile.is_some_and(|picture| picture.image == image)
+            }
             EditedLightKind::Sphere(light) => light.profile.is_some_and(|picture| picture.image == image),
             _ => false,
         };

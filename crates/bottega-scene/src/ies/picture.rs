@@ -27,12 +27,12 @@ pub struct IesPicture {
     pub values: Vec<f32>,
 }
 
-/// Fewest and most steps over the vertical angles.
+/// Steps over the vertical angles, from the fewest to the most.
 const ROW_STEPS: [usize; 3] = [180, 360, 720];
-/// Most columns.
-const COLUMNS_MAX: usize = 720;
+/// Fewest and most columns of a lamp that is not round.
+const COLUMNS: [usize; 2] = [180, 720];
 /// Columns between two horizontal angles of a table.
-const COLUMNS_BETWEEN: f64 = 4.0;
+const COLUMNS_BETWEEN: f64 = 8.0;
 
 impl IesPicture {
     /// Converts to an image.
@@ -92,7 +92,7 @@ impl IesProfile {
             return 1;
         }
         let step = self.horizontal().windows(2).map(|pair| pair[1] - pair[0]).fold(360.0, f64::min);
-        ((360.0 * COLUMNS_BETWEEN / step.max(1e-3)).ceil() as usize).clamp(16, COLUMNS_MAX)
+        ((360.0 * COLUMNS_BETWEEN / step.max(1e-3)).ceil() as usize).clamp(COLUMNS[0], COLUMNS[1])
     }
 
     /// Returns the intensity of a direction, in candela, by cubic curves; 0 beyond the angles of the table.

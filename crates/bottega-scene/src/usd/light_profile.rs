@@ -8,7 +8,7 @@
 use std::f64::consts::PI;
 use std::path::Path;
 
-use glam::{DMat3, DVec3, Mat3};
+use glam::{DMat3, DVec3, Mat3, Vec3};
 use openusd::usd::Prim;
 
 use super::light::{Cone, input};
@@ -31,10 +31,9 @@ pub(super) struct LightProfile {
 impl LightProfile {
     /// Returns the picture with its orientation in the world.
     pub(super) fn placed(&self, world_from_light: &DMat3) -> DirectionPicture {
-        DirectionPicture {
-            image: self.image,
-            world_from_light: DirectionPicture::along_axis(orthonormal(world_from_light)),
-        }
+        // Horizontal angles are those of the way to the light, which is against the direction of emission
+        let turned = orthonormal(world_from_light) * Mat3::from_diagonal(Vec3::new(-1.0, -1.0, 1.0));
+        DirectionPicture { image: self.image, world_from_light: DirectionPicture::along_axis(turned) }
     }
 }
 
