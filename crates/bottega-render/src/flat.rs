@@ -140,9 +140,7 @@ impl FlatScene {
         if used_materials(scene).any(has_profile) {
             missing.push(NotFlat::EmissionProfiles);
         }
-        let is_profile = |light: &Light| {
-            matches!(light.kind, LightKind::Goniometric { mapping, .. } if mapping != EnvironmentMapping::EqualArea)
-        };
+        let is_profile = |light: &Light| matches!(light.kind, LightKind::Goniometric { mapping, .. } if mapping != EnvironmentMapping::EqualArea);
         if scene.lights.iter().any(is_profile) {
             missing.push(NotFlat::Profiles);
         }

@@ -70,7 +70,9 @@ fn factors_and_line_breaks_are_those_of_the_format() {
 #[test]
 fn parts_of_the_circle_are_mirrored() {
     let quarter = read(&file("", 1, "0 90", "0 45 90", "1 1  1 2  1 3")).unwrap();
-    for (horizontal, expected) in [(0.0, 1.0), (45.0, 2.0), (90.0, 3.0), (135.0, 2.0), (180.0, 1.0), (270.0, 3.0), (337.5, 1.5)] {
+    for (horizontal, expected) in
+        [(0.0, 1.0), (45.0, 2.0), (90.0, 3.0), (135.0, 2.0), (180.0, 1.0), (270.0, 3.0), (337.5, 1.5)]
+    {
         assert!((quarter.candela(90.0, horizontal) - expected).abs() < 1e-12, "{horizontal}");
     }
     let half = read(&file("", 1, "0 90", "0 90 180", "1 1  1 2  1 3")).unwrap();
@@ -122,7 +124,11 @@ fn errors_name_the_line_and_the_remedy() {
         (good.replace("1 1000 1 2 1 1", "1 1000 1 20000 20000 1"), 3, "more than the file has"),
         (good.replace("1 1000 1 2 1 1", "1 1000 1e300 2 1 1"), 6, "more than can be computed with"),
         (file("", 1, "0 90", "0 30", "1 2 3 4"), 6, "they must end at 0°, 90°, 180° or 360°"),
-        (file("", 1, "0 90", "20", "1 2").replace("\n20\n", "\n20 40\n").replace("2 1 1 2", "2 2 1 2"), 6, "ends before"),
+        (
+            file("", 1, "0 90", "20", "1 2").replace("\n20\n", "\n20 40\n").replace("2 1 1 2", "2 2 1 2"),
+            6,
+            "ends before",
+        ),
         (file("", 2, "0 90", "10 20", "1 2 3 4"), 6, "of type B"),
     ] {
         let found = fault(&text);

@@ -36,10 +36,13 @@ pub(super) fn bounds(scene: &Scene, sphere: &Sphere) -> LightBounds {
         material.emission.factor
     };
     let disk = PI * sphere.radius * sphere.radius;
-    Profile::new(&material.emission_profile).bounds(scene, LightBounds {
-        bounds: Aabb::around(sphere.center, sphere.radius),
-        ..LightBounds::point(sphere.center, disk * luminance(mean).max(0.0))
-    })
+    Profile::new(&material.emission_profile).bounds(
+        scene,
+        LightBounds {
+            bounds: Aabb::around(sphere.center, sphere.radius),
+            ..LightBounds::point(sphere.center, disk * luminance(mean).max(0.0))
+        },
+    )
 }
 
 /// The cone of directions that a sphere covers, seen from outside.

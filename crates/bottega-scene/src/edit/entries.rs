@@ -74,7 +74,9 @@ impl SceneEditor {
         let light = light.into();
         let checked = match &light.kind {
             EditedLightKind::Plain(kind) => self.base.check_light(kind).map_err(|problem| problem.0),
-            EditedLightKind::Sphere(light) => light.material().map_err(Cow::from).and_then(|it| self.check_emitter(&it)),
+            EditedLightKind::Sphere(light) => {
+                light.material().map_err(Cow::from).and_then(|it| self.check_emitter(&it))
+            }
             EditedLightKind::Area(light) => light.material().map_err(Cow::from).and_then(|it| self.check_emitter(&it)),
         };
         checked.map_err(|problem| EditError::value(EntryKind::Light, key, &problem))?;

@@ -52,7 +52,9 @@ pub(super) fn full_circle(horizontal: &[f64]) -> Result<Vec<Plane>, String> {
 fn mirrored(planes: &[Plane], at: f64, end: f64) -> Vec<Plane> {
     let mut all = planes.to_vec();
     let images = planes.iter().rev().map(|plane| Plane { angle: 2.0 * at - plane.angle, ..*plane });
-    all.extend(images.filter(|plane| (plane.angle - at).abs() > 1e-3 && (plane.angle - at).abs() <= (end - at).abs() + 1e-3));
+    all.extend(
+        images.filter(|plane| (plane.angle - at).abs() > 1e-3 && (plane.angle - at).abs() <= (end - at).abs() + 1e-3),
+    );
     all
 }
 
@@ -75,7 +77,8 @@ mod tests {
     #[test]
     fn parts_of_the_circle_are_mirrored() {
         assert_eq!(shown(&[0.0]), [(0.0, 0), (360.0, 0)]);
-        let quadrant = [(0.0, 0), (45.0, 1), (90.0, 2), (135.0, 1), (180.0, 0), (225.0, 1), (270.0, 2), (315.0, 1), (360.0, 0)];
+        let quadrant =
+            [(0.0, 0), (45.0, 1), (90.0, 2), (135.0, 1), (180.0, 0), (225.0, 1), (270.0, 2), (315.0, 1), (360.0, 0)];
         assert_eq!(shown(&[0.0, 45.0, 90.0]), quadrant);
         assert_eq!(shown(&[0.0, 90.0, 180.0]), [(0.0, 0), (90.0, 1), (180.0, 2), (270.0, 1), (360.0, 0)]);
         let side = [(0.0, 1), (45.0, 1), (90.0, 0), (135.0, 1), (180.0, 2), (225.0, 3), (270.0, 4)];

@@ -151,7 +151,9 @@ fn skip_tilt(numbers: &mut Numbers<'_>) -> Result<(), IesFault> {
 fn angles(numbers: &mut Numbers<'_>, what: &str, count: usize) -> Result<Vec<f64>, IesFault> {
     let list = numbers.list(what, count)?;
     match list.windows(2).find(|pair| pair[0] >= pair[1]) {
-        Some(pair) => Err(numbers.fault(format!("{what} of {}° follows one of {}°; angles must ascend", pair[1], pair[0]))),
+        Some(pair) => {
+            Err(numbers.fault(format!("{what} of {}° follows one of {}°; angles must ascend", pair[1], pair[0])))
+        }
         None => Ok(list),
     }
 }
@@ -159,7 +161,9 @@ fn angles(numbers: &mut Numbers<'_>, what: &str, count: usize) -> Result<Vec<f64
 /// Checks the range of vertical angles.
 fn check_vertical(vertical: &[f64], low: f64, high: f64) -> Result<(), String> {
     match vertical.iter().find(|angle| !(low..=high).contains(*angle)) {
-        Some(angle) => Err(format!("a vertical angle is {}°; {low}° to {high}° are possible", shortened(&angle.to_string()))),
+        Some(angle) => {
+            Err(format!("a vertical angle is {}°; {low}° to {high}° are possible", shortened(&angle.to_string())))
+        }
         None => Ok(()),
     }
 }

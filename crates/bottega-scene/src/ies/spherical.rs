@@ -22,7 +22,12 @@ impl Goniometer {
     /// Makes the table.
     ///
     /// - `kind`: 2: type B; 3: type A.
-    pub(super) fn new(kind: usize, vertical: Vec<f64>, horizontal: Vec<f64>, candela: Vec<f64>) -> Result<Self, String> {
+    pub(super) fn new(
+        kind: usize,
+        vertical: Vec<f64>,
+        horizontal: Vec<f64>,
+        candela: Vec<f64>,
+    ) -> Result<Self, String> {
         let (first, last) = (horizontal[0], horizontal[horizontal.len() - 1]);
         if horizontal.len() < 2 || !(-90.0..=0.0).contains(&first) || !(0.0..=90.0).contains(&last) {
             let name = if kind == 3 { 'A' } else { 'B' };

@@ -49,7 +49,8 @@ pub(super) fn read(
     let file = file_of(source, prim, time)?;
     let shown = shortened(&file.reference).into_owned();
     let left_out = |problem: String| {
-        source.unsupported(path, format!("the profile `{shown}`: {problem}; the light shines equally in all directions"));
+        source
+            .unsupported(path, format!("the profile `{shown}`: {problem}; the light shines equally in all directions"));
     };
     let profile = match parsed(source, &file) {
         Ok(profile) => profile,
@@ -91,7 +92,9 @@ fn picture(profile: &IesProfile, angle_scale: f64, cone: Option<Cone>) -> IesPic
     if angle_scale == 0.0 && cone.is_none() {
         return profile.picture(IesInterpolation::Linear);
     }
-    profile.changed_picture(|angle| (scaled(angle, angle_scale), cone.map_or(1.0, |cone| within(cone, angle.to_radians()))))
+    profile.changed_picture(|angle| {
+        (scaled(angle, angle_scale), cone.map_or(1.0, |cone| within(cone, angle.to_radians())))
+    })
 }
 
 /// Returns the vertical angle of the profile that is seen at one of the light, both in degrees. A positive scale keeps 0°, a

@@ -100,7 +100,13 @@ pub(super) struct Textures<'a> {
 impl<'a> Textures<'a> {
     /// Makes an empty list of requests.
     pub(super) fn new(source: &StageSource<'a>) -> Self {
-        Self { request: source.request, files: source.files, wanted: Vec::new(), id_of: BTreeMap::new(), made: BTreeMap::new() }
+        Self {
+            request: source.request,
+            files: source.files,
+            wanted: Vec::new(),
+            id_of: BTreeMap::new(),
+            made: BTreeMap::new(),
+        }
     }
 
     /// Requests a picture. Its id is its index in the result of [`load`](Self::load).

@@ -117,7 +117,8 @@ fn a_profile_shapes_a_light_by_direction() {
     for kind in ["RectLight", "DiskLight", "SphereLight", "CylinderLight"] {
         let scene = load(kind);
         assert_eq!(radiance(&scene), 300.0, "{kind}");
-        let EmissionProfile::Picture(DirectionPicture { image, world_from_light }) = scene.materials[0].emission_profile
+        let EmissionProfile::Picture(DirectionPicture { image, world_from_light }) =
+            scene.materials[0].emission_profile
         else {
             panic!("no profile")
         };

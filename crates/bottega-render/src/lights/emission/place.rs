@@ -85,7 +85,8 @@ fn spot_from_sphere(
 ) -> Option<PhotonStart> {
     let direction = around(axis, towards[0] * (1.0 - cos_outer), towards[1]);
     let outwards = leaving(direction, place);
-    let factor = surfaces.material(sphere.material).1.profile.factor(surfaces.scene(), direction, outwards.dot(direction));
+    let factor =
+        surfaces.material(sphere.material).1.profile.factor(surfaces.scene(), direction, outwards.dot(direction));
     let disc = PI * sphere.radius * sphere.radius;
     let radiance = sphere::radiance_at(surfaces.scene(), sphere, outwards);
     let power = radiance * (factor * disc * 2.0 * PI * (1.0 - cos_outer));

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use bottega_scene::{
-    DirectionPicture, EmissionProfile, Environment, EnvironmentMapping, Image, ImageId, Light, LightKind, Material, Mesh, Portal, Scene, Sides, SpotFalloff,
-    TextureMap,
+    DirectionPicture, EmissionProfile, Environment, EnvironmentMapping, Image, ImageId, Light, LightKind, Material,
+    Mesh, Portal, Scene, Sides, SpotFalloff, TextureMap,
 };
 use glam::{Affine3A, Mat3, Vec2, Vec3};
 
