@@ -6,10 +6,10 @@ use crate::image::Image;
 /// The interpolation between the angles of a table.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum IesInterpolation {
-    /// Linear.
+    /// Straight lines through the values.
     #[default]
     Linear,
-    /// By cubic curves through the values, as Blender's node *IES Texture*.
+    /// Cubic curves through the values, as Blender's node *IES Texture*.
     Cubic,
 }
 

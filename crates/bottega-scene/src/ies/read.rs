@@ -38,7 +38,7 @@ impl IesProfile {
         if bytes.len() > BYTES_MAX {
             return Err(too_large(path));
         }
-        // Labels are in the code page of whoever wrote the file; numbers are ASCII
+        // Labels may have any code page; numbers are ASCII
         let text = String::from_utf8_lossy(bytes);
         parse(text.trim_start_matches('\u{feff}')).map_err(|IesFault { line, problem }| SceneError::Text {
             path: path.into(),

@@ -7,6 +7,7 @@ use openusd::usd::Prim;
 
 use super::context::{VisitedPrim, Walk};
 use super::light_profile::{self, LightProfile};
+use super::shaping::{Cone, cone, input};
 use super::source::StageSource;
 use super::texture::{SourceSpace, StandIn, WantedTexture};
 use crate::model::Mesh;
@@ -51,15 +52,6 @@ pub(super) struct Strength {
     pub(super) radiance: DVec3,
     /// `true`: it is divided by the size of the light.
     pub(super) is_normalized: bool,
-}
-
-/// The cone of ShapingAPI, in radians.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Cone {
-    /// Half angle outside which the light is 0.
-    pub(super) outer: f64,
-    /// Half angle inside which it is full.
-    pub(super) inner: f64,
 }
 
 impl Strength {
@@ -154,11 +146,6 @@ pub(super) fn of_surface(walk: &Walk<'_, '_, '_>, visited: &VisitedPrim<'_>) -> 
     Some(strength(source, prim, time, 1.0))
 }
 
-/// Returns an input by its name of today, or the one from before the prefix `inputs:`.
-pub(super) fn input(source: &StageSource<'_>, prim: &Prim, name: &str, time: f64) -> Option<f64> {
-    source.number(prim, &format!("inputs:{name}"), time).or_else(|| source.number(prim, name, time))
-}
-
 fn shape(source: &StageSource<'_>, prim: &Prim, time: f64, kind: &str) -> Option<LightShape> {
     let path = prim.path().as_str();
     let number = |name: &str, usual: f64| input(source, prim, name, time).unwrap_or(usual);
@@ -215,18 +202,6 @@ fn dome_turn(source: &StageSource<'_>, prim: &Prim, time: f64, kind: &str) -> DM
         }
     };
     if is_z { DMat3::from_rotation_x(0.5 * PI) } else { DMat3::IDENTITY }
-}
-
-/// Reads the cone of ShapingAPI; `None`: it cuts nothing off.
-fn cone(source: &StageSource<'_>, prim: &Prim, time: f64, is_flat: bool) -> Option<Cone> {
-    let angle = input(source, prim, "shaping:cone:angle", time)?.clamp(0.0, 180.0);
-    if angle >= if is_flat { 90.0 } else { 180.0 } {
-        return None;
-    }
-    let softness = input(source, prim, "shaping:cone:softness", time).unwrap_or(0.0).clamp(0.0, 1.0);
-    let outer = angle.to_radians().max(1e-3);
-    // The margin that cones need
-    Some(Cone { outer, inner: (outer * (1.0 - softness)).min(outer - 1e-4).max(0.0) })
 }
 
 /// Returns `intensity × 2^exposure × color`, with the colour of the temperature (UsdLuxLightAPI).

@@ -11,7 +11,7 @@ use std::path::Path;
 use glam::{DMat3, DVec3, Mat3, Vec3};
 use openusd::usd::Prim;
 
-use super::light::{Cone, input};
+use super::shaping::{Cone, input};
 use super::source::{NamedFile, StageSource};
 use super::texture::Textures;
 use crate::emission::DirectionPicture;

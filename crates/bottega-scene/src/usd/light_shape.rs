@@ -4,9 +4,10 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{Affine2, DAffine3, DMat3, DVec3, Mat3, Vec2, Vec3};
 
-use super::light::{Cone, LightShape, LightSpec, area};
+use super::light::{LightShape, LightSpec, area};
 use super::material::Materials;
 use super::placement::{ThingPlacement, even_scale};
+use super::shaping::Cone;
 use super::source::StageSource;
 use super::values;
 use crate::emission::{DirectionPicture, EmissionProfile};

@@ -36,6 +36,7 @@ mod placement;
 mod polygon;
 mod primvar;
 mod shape;
+mod shaping;
 mod skel;
 mod source;
 mod stage;

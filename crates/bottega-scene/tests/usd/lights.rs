@@ -122,8 +122,9 @@ fn a_profile_shapes_a_light_by_direction() {
         else {
             panic!("no profile")
         };
-        // The axis −z, turned to +y, is the upper row
-        assert!((world_from_light * Vec3::Y - Vec3::Y).length() < 1e-6, "{kind}: {world_from_light}");
+        // The axis −z, turned to +y, is the upper row; 0° is −x
+        let found = [world_from_light * Vec3::Y, world_from_light * Vec3::Z];
+        assert!((found[0] - Vec3::Y).length() < 1e-6 && (found[1] - Vec3::NEG_X).length() < 1e-6, "{kind}: {found:?}");
         let image = &scene.images[image.0 as usize];
         let (width, height) = image.size();
         let at = |degrees: f32| image.texel(0, (degrees / 180.0 * (height - 1) as f32) as u32).x;
