@@ -6,6 +6,7 @@ The modules `*_scenes` define them by theme, from the parts in `scene_parts`.
 
 from __future__ import annotations
 
+import light_scenes  # noqa: F401
 import motion_scenes  # noqa: F401
 import volume_scenes  # noqa: F401
 from material_scenes import by_ray, groups, procedural

@@ -53,6 +53,8 @@ class Export:
         self._deforming: set[str] = set()
         self._lights_put: dict[str, bottega.Light] = {}
         self._light_paths: dict[str, Path | None] = {}
+        # Keys of the pictures of lights.
+        self._light_images: dict[str, str | None] = {}
         # Of the last pass, until it is dropped; `None`: nothing moves while the shutter is open.
         self.paths: Paths | None = None
         # How long the shutter is open, in seconds.
@@ -308,10 +310,13 @@ class Export:
     def _read_lights(self, found: Pass) -> None:
         for key, light, row in found.lights:
             self.report.begin(key)
-            made = light_of(light, found.matrices[row], key, self.report)
+            made, picture = light_of(light, found.matrices[row], key, self.report, self._pictures)
             if made is None:
                 self._remove_light(key)
                 continue
+            if picture is not None and picture.key not in self.scene.images:
+                self.scene.images[picture.key] = picture.image()
+            self._light_images[key] = None if picture is None else picture.key
             path = self._light_path(key, light, row)
             if self._lights_put.get(key) != made or not is_same_path(self._light_paths.get(key), path):
                 self.scene.lights[key] = made
@@ -334,6 +339,7 @@ class Export:
             del self.scene.lights[key]
         self._lights_put.pop(key, None)
         self._light_paths.pop(key, None)
+        self._light_images.pop(key, None)
 
     def _remove_objects_of(self, mesh_key: str) -> None:
         for key in [key for key, placed in self._placed.items() if placed[0] == mesh_key]:
@@ -365,7 +371,7 @@ class Export:
             del scene.spheres[BACKDROP]
             del scene.materials[BACKDROP]
         self._families.drop()
-        used = {*self._surroundings.images, *self._families.image_keys()}
+        used = {*self._surroundings.images, *self._families.image_keys(), *self._light_images.values()}
         for key in scene.images.keys():
             if key not in used:
                 del scene.images[key]
@@ -375,7 +381,8 @@ class Export:
         scene, families, volumes = self.scene, self._families, self._volumes.keys()
         lights = [*self._surroundings.lights, *(key for key, _, _ in found.lights)]
         meshes = list(dict.fromkeys(group.mesh_key for group in found.groups.values()))
-        scene.images.arrange(_there(scene.images, [*self._surroundings.images, *families.image_keys()]))
+        pictures = [key for key in (self._light_images.get(key) for key, _, _ in found.lights) if key is not None]
+        scene.images.arrange(_there(scene.images, [*self._surroundings.images, *families.image_keys(), *pictures]))
         scene.media.arrange(_there(scene.media, [*families.media_keys(), *volumes]))
         scene.materials.arrange(_there(scene.materials, [DEFAULT, BACKDROP, *families.material_keys(), *volumes]))
         scene.meshes.arrange(_there(scene.meshes, [*meshes, BOX]))

@@ -17,7 +17,7 @@
 //! | sessions; the picture while it is rendered | `src/session.rs`; `src/live.rs` |
 //! | pictures; arrays as views of the film; files | `src/picture.rs`, `src/arrays.rs`, `src/image_file.rs` |
 //! | scenes in memory; arrays as their input | `src/scene.rs`; `src/numpy_input.rs`, `src/image_input.rs` |
-//! | grids of voxels for media; measured materials | `src/voxels.rs`; `src/measured.rs` |
+//! | grids of voxels for media; measured materials; profiles of lamps | `src/voxels.rs`; `src/measured.rs`; `src/ies.rs` |
 //! | interactive views | `src/viewport.rs` |
 //! | importance maps, zones, rules, differences | `src/analysis.rs`, `src/rules.rs`, `src/difference.rs` |
 //! | farms; by HTTP | `src/farm.rs`; `src/http_farm.rs` |
@@ -30,6 +30,7 @@ mod difference;
 mod errors;
 mod farm;
 mod http_farm;
+mod ies;
 mod image_file;
 mod image_input;
 mod live;
@@ -55,6 +56,7 @@ mod _native {
         difference::diff,
         farm::{PyFarm, farms},
         http_farm::{digests, preview_array, submission},
+        ies::PyIesProfile,
         image_file::{PyImageFile, read},
         measured::PyMeasuredFile,
         picture::PyPicture,

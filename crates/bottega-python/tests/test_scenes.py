@@ -298,6 +298,68 @@ def test_lights_with_a_shape_and_who_sees_them() -> None:
     assert lights["spot"].falloff == "smooth_cosine" and lights["spot"].outer == 30  # type: ignore[attr-defined]
 
 
+PROFILE = "IESNA91\nTILT=NONE\n1 100 1 3 1 1 2 0 0 0 1 1 10\n0 45 90\n0\n80 40 0\n"
+
+
+def test_lamps_have_profiles_of_ies(tmp_path: Path) -> None:
+    (tmp_path / "lamp.ies").write_text(PROFILE)
+    profile = bottega.IesProfile(tmp_path / "lamp.ies")
+    assert profile.peak == 80 and profile.candela(22.5, 10) == 60 and 100 < profile.lumens < 300
+    pixels = profile.pixels()
+    assert pixels.shape == (181, 1) and pixels[0, 0] == 1 and pixels[45, 0] == 0.5 and pixels[91, 0] == 0
+    assert profile.pixels("cubic").shape == (721, 1)
+    with pytest.raises(SceneError, match="line 4"):
+        bottega.IesProfile.of_text(PROFILE.replace("0 45 90", "0 45 30"))
+    scene = square()
+    scene.environment = None
+    scene.images["lamp"] = Image(pixels, "linear")
+    matrix = np.eye(4)
+    matrix[:3, 3] = (0.5, 0.5, 1)
+    lights: list[bottega.Light] = [
+        bottega.GoniometricLight.along("lamp", matrix, intensity=1.0),
+        bottega.GoniometricLight.along("lamp", matrix, intensity=1.0, radius=0.01),
+    ]
+    rotation = lights[0].rotation  # type: ignore[attr-defined]
+    lights.append(bottega.AreaLight(matrix, (0.01, 0.01), np.pi * 1e-4, profile="lamp", profile_rotation=rotation))
+    for light in lights:
+        light.visibility.camera = False
+        scene.lights["lamp"] = light
+        color = bottega.render(scene, **{**LARGER, "spp": 64}).color
+        # The middle lies straight below, at a distance of 1: the radiance of a surface of albedo 0.8 is 0.8 I / π
+        intensity = 1.0 if light is not lights[2] else 1e-4
+        assert color[24, 32, 0] == pytest.approx(0.8 * intensity / np.pi, rel=0.05)
+        before = bits(scene)
+        scene.lights["lamp"] = scene.lights["lamp"].copied()
+        assert (bits(scene) == before).all(), "what was taken out and put in again is the same"
+        with pytest.raises(SceneError, match="lamp"):
+            del scene.images["lamp"]
+        scene.save(tmp_path / "a.bottega")
+        assert same(scene, Scene.read(tmp_path / "a.bottega"))
+    with pytest.raises(SceneError, match="spread"):
+        scene.lights["lamp"] = bottega.AreaLight(matrix, (1, 1), 1.0, spread=90, profile="lamp")
+    with pytest.raises(SceneError, match="mapping"):
+        scene.lights["lamp"] = bottega.GoniometricLight("lamp", radius=0.1)
+
+
+def test_a_texture_lies_upright_on_an_area_light(tmp_path: Path) -> None:
+    scene = square()
+    scene.environment = None
+    # Only the upper left quarter is bright, where the light's -x and +y meet
+    scene.images["map"] = Image(np.array([[1, 0], [0, 0]], np.float32), "linear")
+    matrix = np.eye(4)
+    matrix[:3, 3] = (0.5, 0.5, 0.2)
+    for shape in ("rectangle", "ellipse"):
+        scene.lights["panel"] = bottega.AreaLight(matrix, (1, 1), 10.0, shape, texture=Texture("map", smooth=False))  # type: ignore[arg-type]
+        scene.lights["panel"].visibility.camera = False
+        color = bottega.render(scene, **{**LARGER, "spp": 64}).color
+        assert color[UPPER_LEFT].mean() > 3 * color[LOWER_RIGHT].mean(), shape
+        before = bits(scene)
+        scene.lights["panel"] = scene.lights["panel"].copied()
+        assert (bits(scene) == before).all()
+        scene.save(tmp_path / "a.bottega")
+        assert same(scene, Scene.read(tmp_path / "a.bottega"))
+
+
 def test_the_power_of_an_area_light_does_not_depend_on_size_shape_and_spread() -> None:
     scene = square()
     scene.environment = None

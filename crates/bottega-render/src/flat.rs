@@ -17,7 +17,7 @@ mod record;
 mod word_buffer;
 
 use bottega_image::Aov;
-use bottega_scene::{AlphaMode, EmissionProfile, TextureMap, Visibility};
+use bottega_scene::{AlphaMode, EmissionProfile, EnvironmentMapping, Light, LightKind, TextureMap, Visibility};
 
 use crate::{prepare::PreparedScene, surfaces::used_materials};
 
@@ -78,8 +78,11 @@ pub enum NotFlat {
     #[error("visibility by kind of ray")]
     Visibility,
     /// Lights that do not emit in all directions.
-    #[error("lights that shine into a cone")]
+    #[error("surfaces that shine into a cone or by a profile")]
     EmissionProfiles,
+    /// Lights without extent that have a profile.
+    #[error("lights with a profile by latitude and longitude")]
+    Profiles,
     /// Sums of surfaces.
     #[error("sums of surfaces")]
     Sums,
@@ -136,6 +139,10 @@ impl FlatScene {
         let has_profile = |material: usize| scene.materials[material].emission_profile != EmissionProfile::Diffuse;
         if used_materials(scene).any(has_profile) {
             missing.push(NotFlat::EmissionProfiles);
+        }
+        let is_profile = |light: &Light| matches!(light.kind, LightKind::Goniometric { mapping, .. } if mapping != EnvironmentMapping::EqualArea);
+        if scene.lights.iter().any(is_profile) {
+            missing.push(NotFlat::Profiles);
         }
         if used_materials(scene).any(|material| scene.materials[material].has_sum()) {
             missing.push(NotFlat::Sums);

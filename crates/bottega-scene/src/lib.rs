@@ -31,6 +31,7 @@
 //! | curves as tubes | `src/import/tube.rs`; Mitsuba: `src/mitsuba/curve.rs`, `src/mesh_file/curves.rs` |
 //! | materials, textures, lights, media, cameras | `src/material.rs`, `src/surface.rs`, `src/subsurface.rs`, `src/hair.rs`, `src/texture.rs`, `src/light.rs`, `src/medium.rs`, `src/camera.rs` |
 //! | textures and their mappings, including mappings by world position | `src/texture.rs` |
+//! | photometric profiles of lamps | `src/ies/` |
 //! | pictures with mip levels: decoding, storage, lookup | `src/image/` |
 //! | colours; spectra and colour spaces as colours | `src/color.rs`; `src/spectrum/` |
 //! | names of parts, by which masks find them | `src/part_names.rs` |
@@ -59,6 +60,7 @@ mod gltf;
 mod grid;
 mod hair;
 mod hints;
+mod ies;
 mod image;
 mod import;
 mod integrator;
@@ -112,13 +114,14 @@ pub use edit::{
     CornerMesh, CurveStrands, EditError, EditedLight, EditedLightKind, EntryKind, MatrixRows, PlacedObject, PutMode,
     SceneEditor,
 };
-pub use emission::EmissionProfile;
+pub use emission::{DirectionPicture, EmissionProfile};
 pub use error::{SceneError, Warning};
 pub use eval::Uvs;
 pub use facing_curves::{CurveLook, CurveMeeting, CurvePoint, FacingCurves, ray_in_object};
 pub use grid::{Blend, Grid, GridError};
 pub use hair::{Hair, Pigment, Strand};
 pub use hints::{FilmFilter, Metadata, RenderHints};
+pub use ies::{IesInterpolation, IesPicture, IesProfile};
 pub use image::pyramid::Encoding;
 pub use image::raw::{LevelTexels, linear_of_srgb_codes};
 pub use image::{Image, linear_of_srgb};

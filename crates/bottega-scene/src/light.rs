@@ -73,7 +73,7 @@ pub enum LightKind {
         /// Width over height of the picture.
         aspect: f32,
     },
-    /// A point light whose intensity a picture gives for each direction.
+    /// A point light whose intensity a picture gives for each direction: a profile of IES, or pbrt's `goniometric`.
     Goniometric {
         /// Position, world space.
         #[serde(with = "crate::numbers")]
@@ -81,8 +81,11 @@ pub enum LightKind {
         /// Light space to world space: orthonormal; may mirror.
         #[serde(with = "crate::numbers")]
         world_from_light: Mat3,
-        /// The picture, of equal areas: see [`EnvironmentMapping::EqualArea`]. The mean of its channels is used.
+        /// The picture. Of one of equal areas, the mean of its channels is used.
         image: ImageId,
+        /// Layout of directions on the picture.
+        #[serde(default = "EnvironmentMapping::equal_area", skip_serializing_if = "EnvironmentMapping::is_equal_area")]
+        mapping: EnvironmentMapping,
         /// Factor of the picture: radiant intensity in W·sr⁻¹.
         #[serde(with = "crate::numbers")]
         intensity: Spectrum,
@@ -158,6 +161,16 @@ pub struct Environment {
     pub portals: Vec<Portal>,
     /// Kinds of ray that find it.
     pub visibility: Visibility,
+}
+
+impl EnvironmentMapping {
+    fn equal_area() -> Self {
+        Self::EqualArea
+    }
+
+    fn is_equal_area(&self) -> bool {
+        *self == Self::EqualArea
+    }
 }
 
 impl Light {

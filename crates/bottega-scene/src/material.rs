@@ -11,7 +11,7 @@ use crate::measured::Measured;
 use crate::medium::MediumId;
 use crate::param::{ColorParam, ScalarParam};
 use crate::surface::{Layered, Surface};
-use crate::texture::TextureMap;
+use crate::texture::{ImageId, TextureMap};
 
 /// The interpretation of a material's opacity, as in glTF.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -299,6 +299,15 @@ impl Material {
         if let Back::Other(surface) = &self.back {
             surface.add_measured(found);
         }
+    }
+
+    /// Returns true if the material refers to a picture.
+    pub(crate) fn uses_image(&self, image: ImageId) -> bool {
+        let profile = match &self.emission_profile {
+            EmissionProfile::Picture(picture) => Some(picture.image),
+            _ => None,
+        };
+        profile == Some(image) || self.textures().iter().any(|map| map.image == image)
     }
 
     /// Returns every texture that the material refers to: those of both sides, of emission, opacity, relief and

@@ -6,18 +6,20 @@ use glam::{Affine3A, Vec2, Vec3, Vec3A};
 use serde::{Deserialize, Serialize};
 
 use crate::color::Spectrum;
-use crate::emission::EmissionProfile;
+use crate::emission::{DirectionPicture, EmissionProfile};
 use crate::light::SpotFalloff;
 use crate::material::Material;
 use crate::model::{COORDINATE_MAX, Instance, Mesh, Scene};
+use crate::param::ColorParam;
 use crate::surface::Surface;
+use crate::texture::TextureMap;
 use crate::values::FACTOR_MAX;
 use crate::visibility::Visibility;
 
 /// Number of corners of the polygon that stands for an ellipse; its area is the ellipse's.
 const ELLIPSE_CORNERS: u32 = 48;
 
-/// A sphere that emits, everywhere or into a cone: a point or spot light with soft shadows.
+/// A sphere that emits everywhere, into a cone or by a picture of directions: a point or spot light with soft shadows.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SphereLight {
     /// Centre, world space.
@@ -30,6 +32,9 @@ pub struct SphereLight {
     pub intensity: Spectrum,
     /// Cone of a spot; `None`: it emits in all directions.
     pub spot: Option<SpotCone>,
+    /// Factor of the intensity by direction, in place of a cone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile: Option<DirectionPicture>,
 }
 
 /// The cone of a spot. The radiance of every point of the light falls off by the angle of its direction to the axis.
@@ -63,6 +68,12 @@ pub struct AreaLight {
     /// Full angle of the cone around the normal into which each point emits, in radians; π: all directions. See
     /// [`EmissionProfile::Spread`].
     pub spread: f32,
+    /// Factor of the radiance by position. The first texture coordinates run from (0, 0) at (−x, +y) of light space to (1, 1).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub texture: Option<TextureMap>,
+    /// Factor of the radiance by direction, in place of a spread.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile: Option<DirectionPicture>,
 }
 
 impl SphereLight {
@@ -75,12 +86,19 @@ impl SphereLight {
         if !(self.radius > 0.0 && self.radius <= COORDINATE_MAX) {
             return Err("its radius is not above 0");
         }
-        let profile = self.spot.map_or(EmissionProfile::Diffuse, |spot| {
-            let SpotCone { direction: axis, cos_inner, cos_outer, falloff } = spot;
-            EmissionProfile::Spot { axis, cos_inner, cos_outer, falloff }
-        });
+        let profile = match (self.spot, self.profile) {
+            (None, None) => EmissionProfile::Diffuse,
+            (Some(SpotCone { direction: axis, cos_inner, cos_outer, falloff }), None) => {
+                EmissionProfile::Spot { axis, cos_inner, cos_outer, falloff }
+            }
+            (None, Some(picture)) => EmissionProfile::Picture(picture),
+            (Some(_), Some(_)) => return Err("it has both a cone and a profile: put the cone into the profile"),
+        };
         if !profile.is_sound() {
-            return Err("its cone is inside out, or its direction not of unit length");
+            return Err(match profile {
+                EmissionProfile::Picture(_) => "its orientation is not a rotation",
+                _ => "its cone is inside out, or its direction not of unit length",
+            });
         }
         emitter(self.intensity / (std::f32::consts::PI * self.radius * self.radius), profile)
     }
@@ -116,13 +134,19 @@ impl AreaLight {
         }
         let is_wide = self.spread >= std::f32::consts::PI;
         let half_angle = 0.5 * self.spread;
-        let profile = if is_wide { EmissionProfile::Diffuse } else { EmissionProfile::Spread { half_angle } };
+        let profile = match (self.profile, is_wide) {
+            (None, true) => EmissionProfile::Diffuse,
+            (None, false) => EmissionProfile::Spread { half_angle },
+            (Some(picture), true) => EmissionProfile::Picture(picture),
+            (Some(_), false) => return Err("it has both a spread and a profile: put the spread into the profile"),
+        };
         if !profile.is_sound() {
-            return Err("its spread is not from 0.2° to 180°");
+            return Err("its spread is not from 0.2° to 180°, or the orientation of its profile is not a rotation");
         }
         // The camera does not see its back
         let material = emitter(self.power / (std::f32::consts::PI * area), profile)?;
-        Ok(Material { culls_back: true, ..material })
+        let emission = ColorParam { texture: self.texture, ..material.emission };
+        Ok(Material { culls_back: true, emission, ..material })
     }
 
     /// Puts it into a scene.
@@ -131,25 +155,32 @@ impl AreaLight {
         let middle = self.world_from_light.translation;
         // The front is where it emits: −z of light space, which a mirroring transformation turns
         let axes = self.world_from_light.matrix3;
-        let y = if x.cross(y).dot(axes.z_axis) > 0.0 { -y } else { y };
-        let (positions, triangles) = if self.is_ellipse {
+        let is_turned = x.cross(y).dot(axes.z_axis) > 0.0;
+        let y = if is_turned { -y } else { y };
+        // Texture coordinates of a point by its shares of x and y, from −1 to 1
+        let uv = |[x, y]: [f32; 2]| 0.5 + 0.5 * Vec2::new(x, if is_turned { y } else { -y });
+        let (positions, shares, triangles) = if self.is_ellipse {
             let turn = 2.0 * std::f64::consts::PI / f64::from(ELLIPSE_CORNERS);
             // The polygon with the area of the ellipse
             let scale = (turn / turn.sin()).sqrt();
             let corner = |index: u32| {
                 let (sin, cos) = (turn * f64::from(index)).sin_cos();
-                Vec3::from(middle + x * (scale * cos) as f32 + y * (scale * sin) as f32)
+                [(scale * cos) as f32, (scale * sin) as f32]
             };
+            let mut shares = vec![[0.0; 2]];
+            shares.extend((0..ELLIPSE_CORNERS).map(corner));
             let mut positions = vec![Vec3::from(middle)];
-            positions.extend((0..ELLIPSE_CORNERS).map(corner));
+            positions.extend(shares[1..].iter().map(|&[cos, sin]| Vec3::from(middle + x * cos + y * sin)));
             let triangles = (0..ELLIPSE_CORNERS).map(|i| [0, 1 + i, 1 + (i + 1) % ELLIPSE_CORNERS]);
-            (positions, triangles.collect())
+            (positions, shares, triangles.collect())
         } else {
             let corners = [-x - y, x - y, x + y, y - x].map(|corner| Vec3::from(middle + corner));
-            (corners.to_vec(), vec![[0, 1, 2], [0, 2, 3]])
+            let shares = vec![[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+            (corners.to_vec(), shares, vec![[0, 1, 2], [0, 2, 3]])
         };
         let mesh = scene.meshes.len() as u32;
-        scene.meshes.push(Mesh { positions, triangles, material, ..Mesh::default() });
+        let uvs = if self.texture.is_some() { shares.into_iter().map(uv).collect() } else { Vec::new() };
+        scene.meshes.push(Mesh { positions, triangles, material, uvs: [uvs, Vec::new()], ..Mesh::default() });
         scene.instances.push(Instance { visibility, ..Instance::new(mesh, Affine3A::IDENTITY) });
     }
 }

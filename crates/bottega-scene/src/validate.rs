@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use crate::camera::{Aperture, BLADES_MAX, Camera, Clip, Projection, Stereo};
 use crate::color::Spectrum;
 use crate::displacement::Displacement;
+use crate::emission::{EmissionProfile, is_orthonormal};
 use crate::error::{SceneError, Violation};
 use crate::keys::{check_instance_keys, check_times, check_transform_keys};
 use crate::light::{Environment, LightKind, Portal};
@@ -163,6 +164,9 @@ impl Scene {
         }
         check(is_color(&material.emission), FACTOR)?;
         check(material.emission_profile.is_sound(), "its emission has no cone: from 0.1° to below 90° is allowed")?;
+        if let EmissionProfile::Picture(picture) = &material.emission_profile {
+            check((picture.image.0 as usize) < self.images.len(), "the picture of its emission does not exist")?;
+        }
         check(is_factor(material.opacity.factor), FACTOR)?;
         check(
             material.displacement.as_ref().is_none_or(Displacement::is_sound),
@@ -212,7 +216,7 @@ impl Scene {
                 check((0.0..=std::f32::consts::PI).contains(&angle), "its angle is not from 0 to π")?;
                 (irradiance, glam::Vec3::ZERO, Some(direction))
             }
-            LightKind::Goniometric { position, world_from_light, image, intensity } => {
+            LightKind::Goniometric { position, world_from_light, image, intensity, .. } => {
                 check((image.0 as usize) < self.images.len(), "its picture does not exist")?;
                 check(is_orthonormal(&world_from_light), "its orientation is not a rotation")?;
                 (intensity, position, None)
@@ -275,10 +279,6 @@ pub(crate) fn check_medium(medium: &Medium) -> Result<(), Violation> {
     check(medium.g > -1.0 && medium.g < 1.0, "its asymmetry is not between -1 and 1")?;
     let is_placed = medium.variation.as_ref().is_none_or(|variation| variation.grid_from_world.is_finite());
     check(is_placed, "the transformation of its grid is not finite")
-}
-
-fn is_orthonormal(matrix: &glam::Mat3) -> bool {
-    (*matrix * matrix.transpose()).abs_diff_eq(glam::Mat3::IDENTITY, 1e-3)
 }
 
 fn is_rectangle(portal: &Portal) -> bool {

@@ -1,6 +1,7 @@
 //! The tests of bottega-scene that use it from outside, as one program.
 
 mod gltf;
+mod ies;
 mod measured;
 mod meshes;
 mod mitsuba;

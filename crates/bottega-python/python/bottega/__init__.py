@@ -40,7 +40,7 @@ from ._lights import (
     SunLight,
 )
 from ._materials import BumpMap, Displacement, Material, Medium, NormalMap
-from ._native import Analysis, ImageFile, MeasuredFile, Picture, Voxels, __version__, read, stop_all
+from ._native import Analysis, IesProfile, ImageFile, MeasuredFile, Picture, Voxels, __version__, read, stop_all
 from ._requests import (
     DeviceOptions,
     EngineOptions,
@@ -120,6 +120,7 @@ __all__ = [
     "GoniometricLight",
     "GuideOptions",
     "Hair",
+    "IesProfile",
     "Image",
     "ImageFile",
     "IntegratorOptions",

@@ -159,6 +159,9 @@ class AreaLight(Light):
     - `power`: R G B in W, whatever size and spread. A light that emits into all directions has the radiance power / (π area).
     - `spread`: full angle in degrees of the cone around -z into which each point emits, from 0.2 to 180 (all directions). The radiance
       falls off as behind a grid: at an angle θ it is proportional to tan(spread / 2) - tan θ.
+    - `texture`: multiplies the radiance; the upper left corner of its image lies at -x, +y of light space. `None`: it is even.
+    - `profile`: key of an image, as of a `GoniometricLight` with `latitude_longitude_to_poles`, that multiplies the radiance by direction;
+      `profile_rotation`: (3, 3), from its space to world space. A light with a profile has no spread.
 
     The camera and mirrors see it from the front. It casts no shadow.
     """
@@ -170,8 +173,14 @@ class AreaLight(Light):
     shape: Literal["rectangle", "ellipse"] = choice("rectangle", "ellipse")
     spread: float = plain_real(180.0, 0.2, 180.0)
     visibility: Visibility = of(VisibilityKind(), Visibility())
+    texture: Texture | None = of(TextureKind(), None)
+    profile: str | None = of(KeyKind("image"), None)
+    profile_rotation: Matrix = of(MatrixKind(3, 3), IDENTITY3)
 
     def plain_kind(self, plain: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+        rotation = plain.pop("profile_rotation")
+        if plain["profile"] is not None:
+            plain["profile"] = {"image": plain["profile"], "world_from_light": rotation}
         spread, shape = plain.pop("spread"), plain.pop("shape")
         # 180° is a little more than π in single precision, and means no spread at all
         more = {"is_ellipse": shape == "ellipse", "spread": math.radians(spread) if spread < 180.0 else 4.0}
@@ -201,7 +210,15 @@ class ProjectorLight(Light):
 
 @dataclass
 class GoniometricLight(Light):
-    """A point whose intensity an image of equal areas gives for each direction. `rotation`: (3, 3), from light to world space."""
+    """A point or a sphere whose intensity an image gives for each direction: a profile of IES, or pbrt's `goniometric`.
+
+    - `image`: key of the image.
+    - `intensity`: R G B in W·sr⁻¹ where the image has 1.
+    - `rotation`: (3, 3), from light to world space; may mirror.
+    - `mapping`: `equal_area` (pbrt's: the mean of the channels of the nearest texel), or `latitude_longitude_to_poles`: the upper row is
+      +y of light space, the lower row -y, the left edge +z, and columns grow towards -x.
+    - `radius`: of the sphere, in scene units; 0: a point, with sharp shadows. A sphere needs `latitude_longitude_to_poles`.
+    """
 
     tag = "goniometric"
     image: str = of(KeyKind("image", False), ...)
@@ -209,15 +226,38 @@ class GoniometricLight(Light):
     rotation: Matrix = of(MatrixKind(3, 3), IDENTITY3)
     intensity: Color = of(ColorKind(), 1.0)
     visibility: Visibility = of(VisibilityKind(), Visibility())
+    mapping: Literal["equal_area", "latitude_longitude_to_poles"] = choice("equal_area", "latitude_longitude_to_poles")
+    radius: float = plain_real(0.0)
+
+    @classmethod
+    def along(cls, image: str, matrix: Matrix, **fields: Any) -> GoniometricLight:
+        """Makes a lamp at the origin of a matrix, (4, 4), from light space to world space, from `IesProfile.pixels`. Straight down of the
+        profile is the -z axis; horizontal angles grow from +x to +y."""
+        by_rows = rows(matrix, "matrix", 4, 4)
+        position = tuple(row[3] for row in by_rows[:3])
+        rotation = tuple((-row[1], -row[2], row[0]) for row in by_rows[:3])
+        return cls(image, position, rotation, mapping="latitude_longitude_to_poles", **fields)
 
     def plain_kind(self, plain: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-        return self.tag, {"world_from_light": plain.pop("rotation"), **plain}
+        plain["world_from_light"], radius = plain.pop("rotation"), plain.pop("radius")
+        if radius == 0.0:
+            return self.tag, plain
+        if plain.pop("mapping") != "latitude_longitude_to_poles":
+            raise SceneError("`radius` is above 0: `mapping` must be 'latitude_longitude_to_poles'")
+        profile = {"image": plain.pop("image"), "world_from_light": plain.pop("world_from_light")}
+        return "sphere", {**plain, "radius": radius, "spot": None, "profile": profile}
 
 
 def light_of_plain(plain: dict[str, Any], names: Names) -> Light:
     """Makes a light from JSON."""
     ((tag, it),) = plain["kind"].items()
     visibility = Visibility.of_bits(plain["visibility"])
+    if tag == "goniometric" or (tag == "sphere" and it.get("profile") is not None):
+        profile = it.get("profile") or it
+        image = names.key_of("image", profile["image"]) or ""
+        rotation = MatrixKind(3, 3).value(profile["world_from_light"], names)
+        mapping = "latitude_longitude_to_poles" if tag == "sphere" else it.get("mapping", "equal_area")
+        return GoniometricLight(image, it["position"], rotation, it["intensity"], visibility, mapping, it.get("radius", 0.0))
     if tag == "point" or (tag == "sphere" and it["spot"] is None):
         return PointLight(it["position"], it["intensity"], it.get("radius", 0.0), visibility)
     if tag == "directional":
@@ -233,15 +273,16 @@ def light_of_plain(plain: dict[str, Any], names: Names) -> Light:
         transform = MatrixKind().value(it["world_from_light"], names)
         spread = 180.0 if it["spread"] > math.pi else math.degrees(it["spread"])
         shape: Literal["rectangle", "ellipse"] = "ellipse" if it["is_ellipse"] else "rectangle"
-        return AreaLight(transform, it["size"], it["power"], shape, spread, visibility)
-    if tag == "projector":
-        transform = MatrixKind().value(it["world_from_light"], names)
-        fov = math.degrees(it["vertical_fov"])
-        picture = Texture.of_map(it["picture"], names)
-        return ProjectorLight(picture, transform, it["intensity"], fov, it["aspect"], visibility)
-    rotation = MatrixKind(3, 3).value(it["world_from_light"], names)
-    image = names.key_of("image", it["image"]) or ""
-    return GoniometricLight(image, it["position"], rotation, it["intensity"], visibility)
+        texture = it.get("texture")
+        area = AreaLight(transform, it["size"], it["power"], shape, spread, visibility, texture and Texture.of_map(texture, names))
+        if it.get("profile") is not None:
+            area.profile = names.key_of("image", it["profile"]["image"])
+            area.profile_rotation = MatrixKind(3, 3).value(it["profile"]["world_from_light"], names)
+        return area
+    transform = MatrixKind().value(it["world_from_light"], names)
+    fov = math.degrees(it["vertical_fov"])
+    picture = Texture.of_map(it["picture"], names)
+    return ProjectorLight(picture, transform, it["intensity"], fov, it["aspect"], visibility)
 
 
 def _place(matrix: Matrix) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -1,6 +1,6 @@
 import os
 from pathlib import Path
-from typing import Any, Callable, Mapping, Sequence, final
+from typing import Any, Callable, Literal, Mapping, Sequence, final
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -162,6 +162,18 @@ class Voxels:
     def density_max(self) -> float: ...
     @property
     def temperature_max(self) -> float | None: ...
+
+@final
+class IesProfile:
+    def __new__(cls, path: _Path) -> IesProfile: ...
+    @staticmethod
+    def of_text(text: str, name: str = "text") -> IesProfile: ...
+    @property
+    def lumens(self) -> float: ...
+    @property
+    def peak(self) -> float: ...
+    def candela(self, vertical: float, horizontal: float) -> float: ...
+    def pixels(self, interpolation: Literal["linear", "cubic"] = "linear") -> NDArray[np.float32]: ...
 
 @final
 class Viewport:

@@ -123,7 +123,8 @@ fn write_punctual(light: LightKind, words: &mut WordBuffer) {
             let point = point(code::LIGHT_SPOT, position, intensity);
             words.record(&SpotLightRecord { point, direction, cos_inner, cos_outer, falloff });
         }
-        LightKind::Goniometric { position, world_from_light, image, intensity } => {
+        // Others are declined: see `NotFlat::Profiles`
+        LightKind::Goniometric { position, world_from_light, image, intensity, .. } => {
             let point = point(code::LIGHT_GONIOMETRIC, position, intensity);
             let picture = TextureMap { smooth: false, ..TextureMap::new(image) };
             write_picture_light(point, world_from_light, picture, [0.0; 2], words);

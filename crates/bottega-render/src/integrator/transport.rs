@@ -54,7 +54,7 @@ pub(super) fn emitted_at(surfaces: &Surfaces, point: &Interaction, time: f32) ->
     };
     match surfaces.material(point.material).1.profile {
         Profile::Diffuse => radiance,
-        profile => radiance * profile.factor(point.wo, point.wo.dot(point.ng)),
+        profile => radiance * profile.factor(scene, point.wo, point.wo.dot(point.ng)),
     }
 }
 

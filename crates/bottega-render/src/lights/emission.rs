@@ -14,7 +14,7 @@ mod tests;
 use std::f32::consts::{FRAC_1_PI, PI};
 
 use bottega_kernels::Ray;
-use bottega_scene::{Environment, LightKind, Portal, Spectrum, TextureMap};
+use bottega_scene::{Environment, EnvironmentMapping, LightKind, Portal, Spectrum, TextureMap};
 use glam::{Vec2, Vec3};
 
 use super::{Light, NO_LIGHT, distribution::Cells, environment::EnvironmentLight, punctual, sun::Sun};
@@ -361,6 +361,9 @@ fn near_source(prepared: &PreparedScene, number: u32, index: u32) -> (EmissionSo
     let (columns, rows) = match scene.lights[index as usize].kind {
         LightKind::Point { intensity, .. } => return (EmissionSource::Near(number), 4.0 * PI * luminance(intensity)),
         LightKind::Spot { .. } => (SPOT_STEPS, 1),
+        LightKind::Goniometric { mapping, .. } if mapping != EnvironmentMapping::EqualArea => {
+            (SIDE_MAX as usize, SIDE_MAX as usize)
+        }
         LightKind::Goniometric { image, .. } | LightKind::Projector { picture: TextureMap { image, .. }, .. } => {
             let (width, height) = scene.images[image.0 as usize].size();
             (width.clamp(1, SIDE_MAX) as usize, height.clamp(1, SIDE_MAX) as usize)

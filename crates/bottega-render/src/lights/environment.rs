@@ -53,11 +53,16 @@ impl EnvironmentRows {
     /// Creates the mapping.
     ///
     /// - `height`: height of the picture in texels.
-    fn new(mapping: EnvironmentMapping, height: u32) -> Self {
+    pub(super) fn new(mapping: EnvironmentMapping, height: u32) -> Self {
         if mapping != EnvironmentMapping::LatitudeLongitudeToPoles || height < 2 {
             return Self { scale: 1.0, offset: 0.0 };
         }
         Self { scale: (height - 1) as f32 / height as f32, offset: 0.5 / height as f32 }
+    }
+
+    /// Returns the position on the picture of a longitude and a latitude, 0 to 1.
+    pub(super) fn place(self, place: Vec2) -> Vec2 {
+        Vec2::new(place.x, self.picture_from_latitude(place.y))
     }
 
     fn picture_from_latitude(self, latitude: f32) -> f32 {
@@ -273,8 +278,7 @@ impl EnvironmentLight {
         if self.mapping == EnvironmentMapping::EqualArea {
             return square_of(local);
         }
-        let place = latitude_longitude(local);
-        Vec2::new(place.x, self.rows.picture_from_latitude(place.y))
+        self.rows.place(latitude_longitude(local))
     }
 
     fn lookup(&self, scene: &Scene, uv: Vec2, footprint: f32) -> Spectrum {
@@ -333,7 +337,7 @@ impl EnvironmentLight {
 
 /// Returns longitude and latitude of a direction in environment space, 0 to 1: the upper edge is +y, the centre column
 /// −z.
-fn latitude_longitude(direction: Vec3) -> Vec2 {
+pub(super) fn latitude_longitude(direction: Vec3) -> Vec2 {
     let u = 0.5 + math::atan2(direction.x, -direction.z) / (2.0 * PI);
     Vec2::new(u, math::acos(direction.y) / PI)
 }

@@ -6,6 +6,7 @@
 
 mod bounds;
 mod choice;
+mod direction_picture;
 mod distribution;
 mod emission;
 mod environment;

@@ -3,11 +3,12 @@
 use std::f32::consts::{FRAC_PI_2, PI};
 
 use bottega_kernels::math;
-use bottega_scene::{EmissionProfile, SpotFalloff};
+use bottega_scene::{DirectionPicture, EmissionProfile, Scene, Spectrum, SpotFalloff};
 use glam::Vec3;
 
 use super::{
     bounds::{Cone, LightBounds},
+    direction_picture::{DirectionLookup, PictureExtent},
     punctual::{FADE_MIN, fall_off},
 };
 use crate::{bsdf::warp::cosine_hemisphere, sampling::orthonormal_basis};
@@ -26,6 +27,8 @@ pub(crate) enum Profile {
     },
     /// A cone around an axis.
     Spot { axis: Vec3, cos_inner: f32, cos_outer: f32, falloff: SpotFalloff },
+    /// By a picture of directions.
+    Picture(DirectionPicture),
 }
 
 impl Profile {
@@ -46,6 +49,7 @@ impl Profile {
             EmissionProfile::Spot { axis, cos_inner, cos_outer, falloff } => {
                 Self::Spot { axis, cos_inner, cos_outer, falloff }
             }
+            EmissionProfile::Picture(picture) => Self::Picture(picture),
         }
     }
 
@@ -53,21 +57,22 @@ impl Profile {
     ///
     /// - `direction`: away from the surface, unit length.
     /// - `cosine`: of the angle between it and the normal on the side that emits.
-    pub(crate) fn factor(&self, direction: Vec3, cosine: f32) -> f32 {
+    pub(crate) fn factor(&self, scene: &Scene, direction: Vec3, cosine: f32) -> Spectrum {
         match *self {
-            Self::Diffuse => 1.0,
+            Self::Diffuse => Spectrum::ONE,
             Self::Spread { tangent, scale } => {
                 let tan_theta = (1.0 - cosine * cosine).max(0.0).sqrt() / cosine.abs().max(1e-9);
-                (tangent - tan_theta).max(0.0) * scale
+                Spectrum::splat((tangent - tan_theta).max(0.0) * scale)
             }
             Self::Spot { axis, cos_inner, cos_outer, falloff } => {
-                fall_off(falloff, direction.dot(axis), cos_inner, cos_outer)
+                Spectrum::splat(fall_off(falloff, direction.dot(axis), cos_inner, cos_outer))
             }
+            Self::Picture(picture) => DirectionLookup::new(scene, &picture).factor(direction),
         }
     }
 
     /// Returns bounds of a light with this profile, given those of one that emits equally in all directions.
-    pub(super) fn bounds(&self, diffuse: LightBounds) -> LightBounds {
+    pub(super) fn bounds(&self, scene: &Scene, diffuse: LightBounds) -> LightBounds {
         match *self {
             Self::Diffuse => diffuse,
             // Around a sphere the normals point everywhere, and the power is the same
@@ -86,20 +91,35 @@ impl Profile {
                     ..diffuse
                 }
             }
+            Self::Picture(picture) => {
+                let extent = PictureExtent::new(scene, &picture);
+                let intensity = diffuse.intensity * extent.peak;
+                // Normals of a flat light are a smaller cone; those of a sphere point everywhere
+                if diffuse.cone.angle < PI {
+                    return LightBounds { intensity, ..diffuse };
+                }
+                LightBounds {
+                    cone: Cone { axis: extent.axis, angle: extent.angle },
+                    emission_angle: FADE_MIN,
+                    intensity,
+                    ..diffuse
+                }
+            }
         }
     }
 
     /// Returns the power of a light with this profile over that of one that emits equally in all directions, roughly.
-    pub(super) fn power_share(&self) -> f32 {
+    pub(super) fn power_share(&self, scene: &Scene) -> f32 {
         match *self {
             Self::Diffuse | Self::Spread { .. } => 1.0,
+            Self::Picture(picture) => PictureExtent::new(scene, &picture).share(),
             Self::Spot { cos_inner, cos_outer, .. } => 0.5 * (1.0 - 0.5 * (cos_inner + cos_outer)),
         }
     }
 
     /// Draws the direction of a photon that leaves a surface with normal `n`. Returns it with the factor of its power, where
     /// directions by the cosine alone have 1.
-    pub(super) fn leaving(&self, n: Vec3, [u, v]: [f32; 2]) -> (Vec3, f32) {
+    pub(super) fn leaving(&self, scene: &Scene, n: Vec3, [u, v]: [f32; 2]) -> (Vec3, Spectrum) {
         let within = |sine_squared: f32| {
             // A part of the disc below the hemisphere is a cone
             let local = cosine_hemisphere([u, v]);
@@ -109,15 +129,15 @@ impl Profile {
             (s * sine.x + t * sine.y + n * z, z)
         };
         match *self {
-            Self::Diffuse => (within(1.0).0, 1.0),
+            Self::Diffuse => (within(1.0).0, Spectrum::ONE),
             Self::Spread { tangent, .. } => {
                 let sine_squared = tangent * tangent / (1.0 + tangent * tangent);
                 let (direction, cosine) = within(sine_squared);
-                (direction, sine_squared * self.factor(direction, cosine))
+                (direction, sine_squared * self.factor(scene, direction, cosine))
             }
-            Self::Spot { .. } => {
+            Self::Spot { .. } | Self::Picture(_) => {
                 let (direction, cosine) = within(1.0);
-                (direction, self.factor(direction, cosine))
+                (direction, self.factor(scene, direction, cosine))
             }
         }
     }
@@ -129,6 +149,7 @@ mod tests {
 
     #[test]
     fn a_spread_keeps_the_power_however_narrow() {
+        let scene = Scene::default();
         for degrees in [0.1_f32, 1.0, 10.0, 22.9, 23.0, 45.0, 80.0, 89.0] {
             let half_angle = degrees.to_radians();
             let profile = Profile::new(&EmissionProfile::Spread { half_angle });
@@ -142,7 +163,7 @@ mod tests {
                     let Profile::Spread { tangent, scale } = profile else { return 0.0 };
                     let factor = (f64::from(tangent) - theta.tan()).max(0.0) * f64::from(scale);
                     if degrees >= 10.0 {
-                        let found = f64::from(profile.factor(direction, direction.z));
+                        let found = f64::from(profile.factor(&scene, direction, direction.z).x);
                         assert!(
                             (found - factor).abs() < 2e-3 * f64::from(tangent * scale),
                             "{degrees} {theta}: {found} {factor}"

@@ -1,20 +1,22 @@
 //! Lights without extent: point, spot, goniometric and projector lights.
 //!
 //! Parameters: position; intensity in W/sr per channel; direction, inner and outer angle of a spot; the picture of a
-//! goniometric or projector light. Their shadows are sharp, and only light sampling finds them.
+//! goniometric or projector light. Lamps with a profile are goniometric lights. Their shadows are sharp, and only light
+//! sampling finds them.
 //!
 //! Source: KHR_lights_punctual; the emitters `point`, `spot`, `projector` of Mitsuba 3 and `goniometric` of pbrt-v4.
 
 use std::f32::consts::PI;
 
 use bottega_kernels::math;
-use bottega_scene::{ImageId, LightKind, Scene, Spectrum, SpotFalloff, TextureMap, Visibility};
+use bottega_scene::{LightKind, Scene, Spectrum, SpotFalloff, TextureMap, Visibility};
 use glam::{Vec2, Vec3};
 
 use super::{
     LightSample, NO_LIGHT,
     bounds::{Cone, LightBounds},
-    environment::{direction_of_square, square_of},
+    direction_picture::DirectionLookup,
+    environment::direction_of_square,
 };
 use crate::{color::luminance, density::SolidAnglePdf, sampling::around};
 
@@ -72,10 +74,10 @@ pub(super) fn sample(scene: &Scene, kind: &LightKind, p: Vec3) -> Option<LightSa
             from_point(position, p, |wi| intensity * fall_off(falloff, -wi.dot(direction), cos_inner, cos_outer))
         }
         LightKind::Directional { .. } => None,
-        LightKind::Goniometric { position, world_from_light, image, intensity } => from_point(position, p, |wi| {
-            let place = square_of(world_from_light.transpose() * -wi);
-            intensity * goniometric(scene, image, place)
-        }),
+        LightKind::Goniometric { position, world_from_light, image, mapping, intensity } => {
+            let lookup = DirectionLookup::with_mapping(scene, image, mapping, world_from_light);
+            from_point(position, p, |wi| intensity * lookup.factor(-wi))
+        }
         LightKind::Projector { world_from_light, picture, intensity, vertical_fov, aspect } => {
             from_point(world_from_light.translation.into(), p, |wi| {
                 let local = world_from_light.matrix3.transpose() * -wi;
@@ -95,12 +97,6 @@ pub(super) fn sample(scene: &Scene, kind: &LightKind, p: Vec3) -> Option<LightSa
     }
 }
 
-/// Returns the relative intensity of a goniometric light at a position of its picture: the nearest texel, as in pbrt.
-fn goniometric(scene: &Scene, image: ImageId, place: Vec2) -> f32 {
-    let map = TextureMap { smooth: false, ..TextureMap::new(image) };
-    scene.images[image.0 as usize].eval(&map, place, 0.0).truncate().element_sum() / 3.0
-}
-
 /// Returns a projector's colour at a position of its picture.
 fn projected(scene: &Scene, picture: &TextureMap, place: Vec2) -> Spectrum {
     scene.images[picture.image.0 as usize].eval(picture, place, 0.0).truncate()
@@ -117,9 +113,11 @@ pub(super) fn emitted(scene: &Scene, index: u32, place: Vec2) -> Option<(Vec3, V
             let power = intensity * (strength * 2.0 * PI * (1.0 - cos_outer));
             Some((position, around(direction, one_minus_cos, place.y), power))
         }
-        LightKind::Goniometric { position, world_from_light, image, intensity } => {
+        LightKind::Goniometric { position, world_from_light, image, mapping, intensity } => {
+            // A square of equal areas, whatever the layout of the picture
             let direction = world_from_light * direction_of_square(place);
-            Some((position, direction, intensity * (4.0 * PI * goniometric(scene, image, place))))
+            let lookup = DirectionLookup::with_mapping(scene, image, mapping, world_from_light);
+            Some((position, direction, intensity * (4.0 * PI * lookup.factor(direction))))
         }
         LightKind::Projector { world_from_light, picture, intensity, vertical_fov, aspect } => {
             // The solid angle of a picture element at distance 1 is its area times cos³, which cancels the 1/cos³ of the
@@ -201,6 +199,7 @@ mod tests {
             position: Vec3::ZERO,
             world_from_light: glam::Mat3::from_rotation_y(std::f32::consts::FRAC_PI_2),
             image: bottega_scene::ImageId(0),
+            mapping: bottega_scene::EnvironmentMapping::EqualArea,
             intensity: Vec3::splat(2.0),
         };
         let image = bottega_scene::Image::from_linear_rgb("lamp", 8, 8, texels.collect());

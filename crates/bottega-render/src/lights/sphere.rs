@@ -1,8 +1,9 @@
 //! Emitting spheres, sampled uniformly in the solid angle that they subtend.
 //!
-//! Parameters: centre, radius, radiance in W/(sr m²) per channel, a texture, the cone of a spot. Of a spot, the radiance falls
-//! off by the angle between the direction of light and the axis: full within the inner angle, 0 outside the outer one. With
-//! `smooth_cosine`, a smoothstep of the cosine, and an inner angle by the blend, this is the falloff of Blender's spots.
+//! Parameters: centre, radius, radiance in W/(sr m²) per channel, a texture, the cone of a spot or the profile of a lamp, which
+//! is a factor by direction. Of a spot, the radiance falls off by the angle between the direction of light and the axis: full
+//! within the inner angle, 0 outside the outer one. With `smooth_cosine`, a smoothstep of the cosine, and an inner angle by the
+//! blend, this is the falloff of Blender's spots.
 //!
 //! Source: Shirley, Wang and Zimmerman 1996, *Monte Carlo Techniques for Direct Lighting Calculations*.
 
@@ -35,10 +36,13 @@ pub(super) fn bounds(scene: &Scene, sphere: &Sphere) -> LightBounds {
         material.emission.factor
     };
     let disk = PI * sphere.radius * sphere.radius;
-    Profile::new(&material.emission_profile).bounds(LightBounds {
-        bounds: Aabb::around(sphere.center, sphere.radius),
-        ..LightBounds::point(sphere.center, disk * luminance(mean).max(0.0))
-    })
+    Profile::new(&material.emission_profile).bounds(
+        scene,
+        LightBounds {
+            bounds: Aabb::around(sphere.center, sphere.radius),
+            ..LightBounds::point(sphere.center, disk * luminance(mean).max(0.0))
+        },
+    )
 }
 
 /// The cone of directions that a sphere covers, seen from outside.
@@ -95,7 +99,7 @@ pub(super) fn sample(surfaces: &Surfaces, sphere: &Sphere, from: Vec3, u: [f32; 
     }
     let mut radiance = radiance_at(scene, sphere, n);
     if known.profile != Profile::Diffuse {
-        radiance *= known.profile.factor(-wi, wi.dot(n));
+        radiance *= known.profile.factor(scene, -wi, wi.dot(n));
     }
     // Rays do not hit surfaces that are absent, so BSDF sampling cannot find this light
     let is_delta = material.alpha_mode == AlphaMode::Absent;

@@ -165,13 +165,16 @@ impl SurfaceLight {
         let normal = cross.normalize_or(Vec3::Z);
         let two_sided = material.emission_sides == Sides::Both;
         let axis = if material.emission_sides == Sides::Back { -normal } else { normal };
-        Profile::new(&material.emission_profile).bounds(LightBounds {
-            bounds,
-            cone: Cone::of(axis),
-            emission_angle: std::f32::consts::FRAC_PI_2,
-            two_sided,
-            intensity: area * luminance(self.mean_emission(scene, grid)).max(0.0),
-        })
+        Profile::new(&material.emission_profile).bounds(
+            scene,
+            LightBounds {
+                bounds,
+                cone: Cone::of(axis),
+                emission_angle: std::f32::consts::FRAC_PI_2,
+                two_sided,
+                intensity: area * luminance(self.mean_emission(scene, grid)).max(0.0),
+            },
+        )
     }
 
     fn mean_emission(&self, scene: &Scene, grid: Grid) -> Spectrum {
@@ -251,7 +254,7 @@ impl SurfaceLight {
         let wi = to_light / distance;
         if material.emission_profile != EmissionProfile::Diffuse {
             let profile = surfaces.material(self.material).1.profile;
-            radiance *= profile.factor(-wi, facing.abs() / (double_area * distance));
+            radiance *= profile.factor(scene, -wi, facing.abs() / (double_area * distance));
             if radiance == Spectrum::ZERO {
                 return None;
             }

@@ -6,6 +6,7 @@ mod determinism;
 mod furnace;
 mod guiding;
 mod known_answers;
+mod lamp_profiles;
 mod layers;
 mod light_groups;
 mod lighting_agents;

@@ -74,14 +74,21 @@ impl SceneEditor {
         let light = light.into();
         let checked = match &light.kind {
             EditedLightKind::Plain(kind) => self.base.check_light(kind).map_err(|problem| problem.0),
-            EditedLightKind::Sphere(light) => light.material().map(drop).map_err(Cow::from),
-            EditedLightKind::Area(light) => light.material().map(drop).map_err(Cow::from),
+            EditedLightKind::Sphere(light) => {
+                light.material().map_err(Cow::from).and_then(|it| self.check_emitter(&it))
+            }
+            EditedLightKind::Area(light) => light.material().map_err(Cow::from).and_then(|it| self.check_emitter(&it)),
         };
         checked.map_err(|problem| EditError::value(EntryKind::Light, key, &problem))?;
         check_transform_keys(&light.motion).map_err(|problem| EditError::value(EntryKind::Light, key, &problem))?;
         let hidden = self.lights.find(key).is_some_and(|before| before.hidden);
         self.lights.put(key, EditedLight { hidden, ..light });
         Ok(())
+    }
+
+    /// Checks the material of a light with a shape.
+    fn check_emitter(&self, material: &Material) -> Result<(), Cow<'static, str>> {
+        self.base.check_parameters(material).map_err(|problem| problem.0)
     }
 
     /// Returns the light with a key.

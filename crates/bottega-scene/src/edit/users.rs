@@ -37,12 +37,17 @@ impl SceneEditor {
 
     fn user_of_image(&self, image: ImageId) -> Option<String> {
         let mut materials = self.materials.iter();
-        if let Some((key, _)) = materials.find(|(_, it)| it.textures().iter().any(|map| map.image == image)) {
+        if let Some((key, _)) = materials.find(|(_, it)| it.uses_image(image)) {
             return Some(named(EntryKind::Material, key));
         }
         let is_lit_by = |kind: &EditedLightKind| match kind {
             EditedLightKind::Plain(LightKind::Projector { picture, .. }) => picture.image == image,
             EditedLightKind::Plain(LightKind::Goniometric { image: of, .. }) => *of == image,
+            EditedLightKind::Area(light) => {
+                light.texture.is_some_and(|map| map.image == image)
+                    || light.profile.is_some_and(|picture| picture.image == image)
+            }
+            EditedLightKind::Sphere(light) => light.profile.is_some_and(|picture| picture.image == image),
             _ => false,
         };
         if let Some((key, _)) = self.lights.iter().find(|(_, it)| is_lit_by(&it.kind)) {

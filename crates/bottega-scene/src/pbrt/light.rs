@@ -18,7 +18,7 @@ use crate::color::{LUMINANCE, Spectrum};
 use crate::image::Image;
 use crate::image::pictures::PictureKind;
 use crate::import::text_place::{ImportResult, TextPlace};
-use crate::light::{Light, LightKind, SpotFalloff};
+use crate::light::{EnvironmentMapping, Light, LightKind, SpotFalloff};
 use crate::material::Sides;
 use crate::model::Scene;
 use crate::param::ColorParam;
@@ -141,7 +141,8 @@ impl Lights {
         // Its pole is +y.
         let swapped = DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::Y);
         let world_from_light = (axes * swapped).as_mat3();
-        Ok(LightKind::Goniometric { position, world_from_light, image, intensity: strength.times(1.0) })
+        let mapping = EnvironmentMapping::EqualArea;
+        Ok(LightKind::Goniometric { position, world_from_light, image, mapping, intensity: strength.times(1.0) })
     }
 
     fn projection(

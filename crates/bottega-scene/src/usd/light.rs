@@ -6,6 +6,8 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 use openusd::usd::Prim;
 
 use super::context::{VisitedPrim, Walk};
+use super::light_profile::{self, LightProfile};
+use super::shaping::{Cone, cone, input};
 use super::source::StageSource;
 use super::texture::{SourceSpace, StandIn, WantedTexture};
 use crate::model::Mesh;
@@ -20,6 +22,8 @@ pub(super) struct LightSpec {
     pub(super) strength: Strength,
     pub(super) texture: Option<ImageId>,
     pub(super) cone: Option<Cone>,
+    /// A profile, which contains the cone.
+    pub(super) profile: Option<LightProfile>,
 }
 
 /// The shape of a light, in its own space. Flat ones emit towards −z.
@@ -48,15 +52,6 @@ pub(super) struct Strength {
     pub(super) radiance: DVec3,
     /// `true`: it is divided by the size of the light.
     pub(super) is_normalized: bool,
-}
-
-/// The cone of ShapingAPI, in radians.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Cone {
-    /// Half angle outside which the light is 0.
-    pub(super) outer: f64,
-    /// Half angle inside which it is full.
-    pub(super) inner: f64,
 }
 
 impl Strength {
@@ -118,7 +113,16 @@ pub(super) fn read(walk: &mut Walk<'_, '_, '_>, visited: &VisitedPrim<'_>, kind:
     }
     // The fallback of the schema: the illuminance of sunlight
     let usual = if kind == "DistantLight" { 50_000.0 } else { 1.0 };
-    Some(LightSpec { shape, strength: strength(source, prim, time, usual), texture, cone: cone.filter(|_| takes_cone) })
+    let strength = strength(source, prim, time, usual);
+    let cone = cone.filter(|_| takes_cone);
+    if !takes_cone {
+        if light_profile::file_of(source, prim, time).is_some() {
+            source.unsupported(path, "the profile of a light at infinity is left out");
+        }
+        return Some(LightSpec { shape, strength, texture, cone, profile: None });
+    }
+    let profile = light_profile::read(source, &mut walk.materials.textures, prim, time, cone);
+    Some(LightSpec { shape, strength, texture, cone: cone.filter(|_| profile.is_none()), profile })
 }
 
 /// Returns the strength of a surface that is a light; `None`: it is not a light.
@@ -129,6 +133,9 @@ pub(super) fn of_surface(walk: &Walk<'_, '_, '_>, visited: &VisitedPrim<'_>) -> 
         return None;
     }
     report_unused(source, prim, time, &schemas);
+    if light_profile::file_of(source, prim, time).is_some() {
+        source.unsupported(prim.path().as_str(), "the profile of a surface that is a light is left out");
+    }
     let sync = source.text(prim, "light:materialSyncMode", time);
     if sync.as_deref().is_some_and(|mode| mode != "materialGlowTintsLight") {
         source.unsupported(
@@ -137,11 +144,6 @@ pub(super) fn of_surface(walk: &Walk<'_, '_, '_>, visited: &VisitedPrim<'_>) -> 
         );
     }
     Some(strength(source, prim, time, 1.0))
-}
-
-/// Returns an input by its name of today, or the one from before the prefix `inputs:`.
-fn input(source: &StageSource<'_>, prim: &Prim, name: &str, time: f64) -> Option<f64> {
-    source.number(prim, &format!("inputs:{name}"), time).or_else(|| source.number(prim, name, time))
 }
 
 fn shape(source: &StageSource<'_>, prim: &Prim, time: f64, kind: &str) -> Option<LightShape> {
@@ -202,18 +204,6 @@ fn dome_turn(source: &StageSource<'_>, prim: &Prim, time: f64, kind: &str) -> DM
     if is_z { DMat3::from_rotation_x(0.5 * PI) } else { DMat3::IDENTITY }
 }
 
-/// Reads the cone of ShapingAPI; `None`: it cuts nothing off.
-fn cone(source: &StageSource<'_>, prim: &Prim, time: f64, is_flat: bool) -> Option<Cone> {
-    let angle = input(source, prim, "shaping:cone:angle", time)?.clamp(0.0, 180.0);
-    if angle >= if is_flat { 90.0 } else { 180.0 } {
-        return None;
-    }
-    let softness = input(source, prim, "shaping:cone:softness", time).unwrap_or(0.0).clamp(0.0, 1.0);
-    let outer = angle.to_radians().max(1e-3);
-    // The margin that cones need
-    Some(Cone { outer, inner: (outer * (1.0 - softness)).min(outer - 1e-4).max(0.0) })
-}
-
 /// Returns `intensity × 2^exposure × color`, with the colour of the temperature (UsdLuxLightAPI).
 fn strength(source: &StageSource<'_>, prim: &Prim, time: f64, usual: f64) -> Strength {
     let number = |name: &str, usual: f64| input(source, prim, name, time).unwrap_or(usual);
@@ -246,10 +236,6 @@ fn report_unused(source: &StageSource<'_>, prim: &Prim, time: f64, schemas: &[St
         if input(source, prim, name, time).is_some_and(|value| value != usual) {
             source.unsupported(path, format!("`inputs:{name}` is left out"));
         }
-    }
-    let has_file = |name: &str| source.file(prim, name, time).is_some();
-    if has_file("inputs:shaping:ies:file") || has_file("shaping:ies:file") {
-        source.unsupported(path, "a profile of IES is left out: the light shines equally in all directions");
     }
     if schemas.iter().any(|name| name == "ShadowAPI")
         && source.boolean(prim, "inputs:shadow:enable", time) == Some(false)

@@ -4,18 +4,20 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{Affine2, DAffine3, DMat3, DVec3, Mat3, Vec2, Vec3};
 
-use super::light::{Cone, LightShape, LightSpec, area};
+use super::light::{LightShape, LightSpec, area};
 use super::material::Materials;
 use super::placement::{ThingPlacement, even_scale};
+use super::shaping::Cone;
 use super::source::StageSource;
 use super::values;
-use crate::emission::EmissionProfile;
-use crate::light::{Environment, Light, LightKind, SpotFalloff};
+use crate::emission::{DirectionPicture, EmissionProfile};
+use crate::light::{Environment, EnvironmentMapping, Light, LightKind, SpotFalloff};
 use crate::material::Material;
 use crate::model::{COORDINATE_MAX, Instance, Mesh, Scene};
 use crate::param::ColorParam;
 use crate::surface::Surface;
 use crate::texture::{TextureMap, Wrap};
+use crate::values::FACTOR_MAX;
 use crate::visibility::Visibility;
 
 /// Corners of the polygons that stand for circles.
@@ -66,6 +68,12 @@ pub(super) fn place(
             let intensity = spec.strength.of_size(4.0 * size) * size as f32;
             let position = world.translation.as_vec3();
             let kind = match (spec.cone, toward(DVec3::NEG_Z)) {
+                _ if let Some(profile) = &spec.profile => {
+                    let DirectionPicture { image, world_from_light } = profile.placed(&world.matrix3);
+                    let mapping = EnvironmentMapping::LatitudeLongitudeToPoles;
+                    let intensity = (intensity * profile.scale).min(Vec3::splat(FACTOR_MAX));
+                    LightKind::Goniometric { position, world_from_light, image, mapping, intensity }
+                }
                 (Some(cone), Some(direction)) => {
                     let (cos_inner, cos_outer) = cosines(cone);
                     let direction = direction.as_vec3().normalize();
@@ -107,9 +115,11 @@ fn place_surface(
         source.warn(path, "it has no area; the light is left out");
         return;
     }
-    let radiance = spec.strength.of_size(size);
+    let scale = spec.profile.as_ref().map_or(1.0, |profile| profile.scale);
+    let radiance = (spec.strength.of_size(size) * scale).min(Vec3::splat(FACTOR_MAX));
     let axis = (world.matrix3 * DVec3::NEG_Z).try_normalize();
     let emission_profile = match (spec.cone, axis) {
+        _ if let Some(profile) = &spec.profile => EmissionProfile::Picture(profile.placed(&world.matrix3)),
         (Some(cone), Some(axis)) => {
             let (cos_inner, cos_outer) = cosines(cone);
             let axis = axis.as_vec3().normalize();

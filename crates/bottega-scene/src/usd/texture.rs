@@ -93,12 +93,20 @@ pub(super) struct Textures<'a> {
     /// Requests, and the place of the first of each.
     wanted: Vec<(WantedTexture, String)>,
     id_of: BTreeMap<WantedTexture, ImageId>,
+    /// Pictures that were made, not read, by their number.
+    made: BTreeMap<u32, Image>,
 }
 
 impl<'a> Textures<'a> {
     /// Makes an empty list of requests.
     pub(super) fn new(source: &StageSource<'a>) -> Self {
-        Self { request: source.request, files: source.files, wanted: Vec::new(), id_of: BTreeMap::new() }
+        Self {
+            request: source.request,
+            files: source.files,
+            wanted: Vec::new(),
+            id_of: BTreeMap::new(),
+            made: BTreeMap::new(),
+        }
     }
 
     /// Requests a picture. Its id is its index in the result of [`load`](Self::load).
@@ -112,6 +120,30 @@ impl<'a> Textures<'a> {
         id
     }
 
+    /// Adds a picture that is not read from a file of pictures, unless there is one of this name. `None`: it takes more memory
+    /// than there is, with a warning.
+    pub(super) fn add(
+        &mut self,
+        source: &StageSource<'_>,
+        place: &str,
+        name: &str,
+        make: impl FnOnce() -> Image,
+    ) -> Option<ImageId> {
+        let file = NamedFile { reference: format!("made: {name}"), name: None };
+        let wanted = WantedTexture::new(&file, SourceSpace::Raw, StandIn::Flat);
+        if let Some(&id) = self.id_of.get(&wanted) {
+            return Some(id);
+        }
+        let image = make();
+        if let Err(error) = source.take(place, image.memory_bytes()) {
+            source.unsupported(place, format!("{error}; it is left out"));
+            return None;
+        }
+        let id = self.want(wanted, place);
+        self.made.insert(id.0, image);
+        Some(id)
+    }
+
     /// Decodes all pictures. One that cannot be read is replaced, with a warning.
     pub(super) fn load(self, source: &StageSource<'_>) -> Result<Vec<Image>, SceneError> {
         let (request, files) = (self.request, self.files);
@@ -123,7 +155,11 @@ impl<'a> Textures<'a> {
             header.and_then(|header| decode(wanted, header, &bytes?))
         };
         let decoded: Vec<_> = self.wanted.par_iter().zip(headers).map(read).collect();
-        let finish = |((wanted, place), decoded): (&(WantedTexture, String), DecodedPicture)| {
+        let mut made = self.made;
+        let finish = |(number, ((wanted, place), decoded)): (u32, (&(WantedTexture, String), DecodedPicture))| {
+            if let Some(image) = made.remove(&number) {
+                return image;
+            }
             let name = shortened(&wanted.name).into_owned();
             match decoded {
                 Ok((image, notes)) => {
@@ -137,7 +173,7 @@ impl<'a> Textures<'a> {
                 }
             }
         };
-        Ok(self.wanted.iter().zip(decoded).map(finish).collect())
+        Ok((0..).zip(self.wanted.iter().zip(decoded)).map(finish).collect())
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::f32::consts::PI;
 
-use bottega_scene::{EmissionProfile, LightKind, Scene};
+use bottega_scene::{DirectionPicture, EmissionProfile, LightKind, Scene};
 use glam::Vec3;
 
 use super::support::{Folder, bounds, clean, stage, warns};
@@ -98,6 +98,41 @@ fn a_cone_shapes_a_light() {
     );
 }
 
+/// A lamp that shines downwards with 50 cd within 90°, and twice as strong at the axis.
+const LAMP: &str = "IESNA91\nTILT=NONE\n1 -1 1 3 1 1 2 0 0 0 1 1 0\n0 45 90\n0\n100 50 50\n";
+
+#[test]
+fn a_profile_shapes_a_light_by_direction() {
+    let load = |light: &str| {
+        let text = format!(
+            "#usda 1.0\ndef {light} \"l\" {{ float inputs:intensity = 3\nasset inputs:shaping:ies:file = @lamp.ies@\n\
+             float inputs:radius = 1\nfloat inputs:shaping:cone:angle = 60\n\
+             float3 xformOp:rotateXYZ = (90, 0, 0)\nuniform token[] xformOpOrder = [\"xformOp:rotateXYZ\"]\n"
+        );
+        let folder = Folder::new(&[("scene.usda", &(text + "}")), ("lamp.ies", LAMP)]);
+        let loaded = folder.load("scene.usda").unwrap();
+        assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+        loaded.scene
+    };
+    for kind in ["RectLight", "DiskLight", "SphereLight", "CylinderLight"] {
+        let scene = load(kind);
+        assert_eq!(radiance(&scene), 300.0, "{kind}");
+        let EmissionProfile::Picture(DirectionPicture { image, world_from_light }) =
+            scene.materials[0].emission_profile
+        else {
+            panic!("no profile")
+        };
+        // The axis −z, turned to +y, is the upper row; 0° is −x
+        let found = [world_from_light * Vec3::Y, world_from_light * Vec3::Z];
+        assert!((found[0] - Vec3::Y).length() < 1e-6 && (found[1] - Vec3::NEG_X).length() < 1e-6, "{kind}: {found:?}");
+        let image = &scene.images[image.0 as usize];
+        let (width, height) = image.size();
+        let at = |degrees: f32| image.texel(0, (degrees / 180.0 * (height - 1) as f32) as u32).x;
+        assert_eq!((width, at(0.0)), (1, 1.0));
+        assert!((at(22.5) - 0.75).abs() < 1e-2 && (at(50.0) - 0.5).abs() < 1e-5 && at(61.0) == 0.0, "{kind}");
+    }
+}
+
 #[test]
 fn a_dome_has_its_picture_and_pole() {
     let dome = |head: &str, kind: &str, more: &str| {
@@ -138,7 +173,7 @@ fn unsupported_properties_of_lights_are_named() {
     );
     for (place, text) in [
         ("/l", "`inputs:specular`"),
-        ("/l", "IES"),
+        ("/l", "the profile `a.ies`: there is no such file"),
         ("/l", "focus"),
         ("/p", "`PortalLight` is not supported"),
         ("/e", "second environment"),

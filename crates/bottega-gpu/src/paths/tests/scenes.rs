@@ -164,6 +164,7 @@ pub(super) fn pictures() -> Scene {
     let place = Affine3A::from_translation(Vec3::new(0.5, 2.5, 1.0));
     let kinds = [
         LightKind::Goniometric {
+            mapping: bottega_scene::EnvironmentMapping::EqualArea,
             position: Vec3::new(-1.5, 1.5, 1.5),
             world_from_light: Mat3::from_rotation_x(0.5),
             image: picture,

@@ -58,7 +58,7 @@ impl PhotonStart {
                 Self { origin, direction: leaving(n, towards), power, spread: DirectionDensity::Cosine(n) }
             }
             profile => {
-                let (direction, factor) = profile.leaving(n, towards);
+                let (direction, factor) = profile.leaving(surfaces.scene(), n, towards);
                 Self::as_drawn(origin, direction, power * factor)
             }
         }
@@ -85,7 +85,8 @@ fn spot_from_sphere(
 ) -> Option<PhotonStart> {
     let direction = around(axis, towards[0] * (1.0 - cos_outer), towards[1]);
     let outwards = leaving(direction, place);
-    let factor = surfaces.material(sphere.material).1.profile.factor(direction, outwards.dot(direction));
+    let factor =
+        surfaces.material(sphere.material).1.profile.factor(surfaces.scene(), direction, outwards.dot(direction));
     let disc = PI * sphere.radius * sphere.radius;
     let radiance = sphere::radiance_at(surfaces.scene(), sphere, outwards);
     let power = radiance * (factor * disc * 2.0 * PI * (1.0 - cos_outer));
@@ -106,7 +107,7 @@ impl SurfaceLight {
     pub(in super::super) fn power(&self, scene: &Scene) -> f32 {
         let sides = side(scene.materials[self.material() as usize].emission_sides, 0.0).1;
         let profile = Profile::new(&scene.materials[self.material() as usize].emission_profile);
-        self.flux(scene) * PI * sides * profile.power_share()
+        self.flux(scene) * PI * sides * profile.power_share(scene)
     }
 
     /// Samples a photon, uniform by area and by the cosine. `choice`: number that chooses the side.
@@ -139,7 +140,7 @@ pub(super) fn power_of_sphere(scene: &Scene, index: u32) -> f32 {
     let sides = side(scene.materials[sphere.material as usize].emission_sides, 0.0).1;
     // The intensity of the bounds is the disc's area times the radiance
     let profile = Profile::new(&scene.materials[sphere.material as usize].emission_profile);
-    sphere::bounds(scene, sphere).intensity * 4.0 * PI * sides * profile.power_share()
+    sphere::bounds(scene, sphere).intensity * 4.0 * PI * sides * profile.power_share(scene)
 }
 
 /// Samples a photon, uniform by area and by the cosine. `choice`: number that chooses the side.

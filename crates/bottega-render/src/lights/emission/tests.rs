@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use bottega_scene::{
-    EmissionProfile, Environment, Image, ImageId, Light, LightKind, Material, Mesh, Portal, Scene, Sides, SpotFalloff,
-    TextureMap,
+    DirectionPicture, EmissionProfile, Environment, EnvironmentMapping, Image, ImageId, Light, LightKind, Material,
+    Mesh, Portal, Scene, Sides, SpotFalloff, TextureMap,
 };
 use glam::{Affine3A, Mat3, Vec2, Vec3};
 
@@ -86,6 +86,12 @@ fn with_profile(mut scene: Scene, profile: EmissionProfile) -> Scene {
     scene
 }
 
+/// A profile of stripes.
+fn by_stripes() -> EmissionProfile {
+    let world_from_light = Mat3::from_rotation_y(0.7);
+    EmissionProfile::Picture(DirectionPicture { image: ImageId(0), world_from_light })
+}
+
 /// A spot with a radius that points to the middle.
 fn spot_ball() -> Scene {
     let axis = (MIDDLE - Vec3::new(1.5, 1.5, -0.5)).normalize();
@@ -133,6 +139,17 @@ fn kinds() -> Vec<(&'static str, Scene)> {
                 position,
                 world_from_light: Mat3::from_rotation_y(0.7),
                 image: ImageId(0),
+                mapping: EnvironmentMapping::EqualArea,
+                intensity,
+            }),
+        ),
+        (
+            "lamp with a profile",
+            lit(LightKind::Goniometric {
+                position,
+                world_from_light: Mat3::from_rotation_y(0.7),
+                image: ImageId(0),
+                mapping: EnvironmentMapping::LatitudeLongitudeToPoles,
                 intensity,
             }),
         ),
@@ -145,6 +162,8 @@ fn kinds() -> Vec<(&'static str, Scene)> {
             with_profile(shining(square.clone(), Sides::Both, false), EmissionProfile::Spread { half_angle: 1.0 }),
         ),
         ("spot with a radius", spot_ball()),
+        ("square with a profile", with_profile(shining(square.clone(), Sides::Both, false), by_stripes())),
+        ("sphere with a profile", with_profile(ball(Sides::Front, false), by_stripes())),
         ("front of a square", shining(square.clone(), Sides::Front, false)),
         ("picture on a square", shining(square, Sides::Both, true)),
         ("triangles", shining(tilted.clone(), Sides::Both, false)),
