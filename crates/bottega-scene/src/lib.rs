@@ -27,6 +27,7 @@
 //! | subdivision surfaces; those of USD, of pbrt | `src/subdivision/`; `src/usd/subdivision.rs`, `src/pbrt/shape/subdivision.rs` |
 //! | PLY, OBJ, Mitsuba's serialized meshes | `src/mesh_file/` |
 //! | OpenVDB, NanoVDB | `src/voxel_file/` |
+//! | measured materials: their files, tables and warps | `src/measured/` |
 //! | curves that face each ray | `src/facing_curves.rs`, `src/import/strand.rs`; pbrt: `src/pbrt/shape/curve.rs` |
 //! | curves as tubes | `src/import/tube.rs`; Mitsuba: `src/mitsuba/curve.rs`, `src/mesh_file/curves.rs` |
 //! | materials, textures, lights, media, cameras | `src/material.rs`, `src/surface.rs`, `src/subsurface.rs`, `src/hair.rs`, `src/texture.rs`, `src/light.rs`, `src/medium.rs`, `src/camera.rs` |

@@ -7,11 +7,9 @@ use crate::error::SceneError;
 /// An error of reading a measured material. Places are bytes from the begin of the file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub(crate) enum MeasuredError {
-    #[error(
-        "it does not begin with `tensor_file`, so it is not a measured material: download it again, or give a .bsdf file"
-    )]
+    #[error("it is not a measured material, because it does not begin with `tensor_file`")]
     NotTensors,
-    #[error("its format has version {major}.{minor}, and 1.0 can be read: write it with a program that writes 1.0")]
+    #[error("its format has version {major}.{minor}, and 1.0 can be read")]
     Version { major: u8, minor: u8 },
     #[error("it ends at byte {place}, within {what}")]
     End { place: usize, what: &'static str },

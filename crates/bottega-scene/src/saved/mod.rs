@@ -8,8 +8,9 @@
 //! | … | the description: JSON of a [`Description`](description::Description) |
 //! | … | blocks of numbers in the order of the description, without gaps |
 //!
-//! All numbers are little-endian. A file is read whole or refused: unknown fields and other versions are errors. Equal scenes give
-//! equal files, and an unchanged mesh or image gives the same bytes in the next file.
+//! Tables of measured materials are in the description as base64. All numbers are little-endian. A file is read whole or
+//! refused: unknown fields and other versions are errors. Equal scenes give equal files, and an unchanged mesh or image gives
+//! the same bytes in the next file.
 
 mod blocks;
 mod description;
