@@ -9,7 +9,7 @@ pub(super) struct IesFault {
     pub(super) problem: String,
 }
 
-/// The lines of a file. IesLines end in LF, CR LF or CR.
+/// The lines of a file. Lines end in LF, CR LF or CR.
 pub(super) struct IesLines<'a> {
     rest: &'a str,
     /// Number of the next line, from 1.
@@ -40,7 +40,7 @@ impl<'a> IesLines<'a> {
     }
 }
 
-/// IesNumbers that follow each other, separated by blanks, commas and ends of lines.
+/// Numbers that follow each other, separated by blanks, commas and ends of lines.
 pub(super) struct IesNumbers<'a> {
     lines: IesLines<'a>,
     /// The rest of the line, and its number.
