@@ -38,7 +38,7 @@ const PAGES: &[(&str, &str)] = pages! {
 const CONTENTS: &str = include_str!("../../../docs/SUMMARY.md");
 /// The pictures of the pages: file name, and bytes.
 const PICTURES: &[(&str, &[u8])] = pictures! {
-    "bands.png" "blender-beside-cycles.jpg" "cameras.jpg" "clear-coat.jpg" "cornell-box.jpg" "cube.png" "flight-helmet.jpg" "goblets.jpg" "hair.jpg" "layers.jpg" "light-groups.jpg" "ludd.png"
+    "bands.png" "blender-beside-cycles.jpg" "cameras.jpg" "clear-coat.jpg" "cornell-box.jpg" "cube.png" "flight-helmet.jpg" "goblets.jpg" "hair.jpg" "ies.jpg" "layers.jpg" "light-groups.jpg" "ludd.png"
     "models/ala.png" "models/coat.png"
     "models/coated.png" "models/conductor.png" "models/dielectric.png" "models/environment.png" "models/film.png" "models/gloss.png" "models/hair.png" "models/matte.png"
     "models/measured.png" "models/medium.png" "models/path.png" "models/photon.png" "models/plastic.png" "models/principled.png" "models/punctual.png"

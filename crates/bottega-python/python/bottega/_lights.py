@@ -256,7 +256,7 @@ def light_of_plain(plain: dict[str, Any], names: Names) -> Light:
         profile = it.get("profile") or it
         image = names.key_of("image", profile["image"]) or ""
         rotation = MatrixKind(3, 3).value(profile["world_from_light"], names)
-        mapping = "latitude_longitude_to_poles" if tag == "sphere" else it.get("mapping", "equal_area")
+        mapping: Any = "latitude_longitude_to_poles" if tag == "sphere" else it.get("mapping", "equal_area")
         return GoniometricLight(image, it["position"], rotation, it["intensity"], visibility, mapping, it.get("radius", 0.0))
     if tag == "point" or (tag == "sphere" and it["spot"] is None):
         return PointLight(it["position"], it["intensity"], it.get("radius", 0.0), visibility)

@@ -103,9 +103,9 @@ impl IesProfile {
             return 0.0;
         };
         let rows = self.vertical().len();
-        let (low, high) = (self.vertical()[0], self.vertical()[rows - 1]);
+        let low = self.vertical()[0];
         let column = |h: usize| {
-            // Beyond a pole the table is as on this side, also where the lamp is not symmetric
+            // Below the lower pole the table is as above it, also where the lamp is not symmetric
             let before = match v {
                 0 if low < 1e-6 => self.at(h, 1),
                 0 => self.at(h, 0),
@@ -113,16 +113,13 @@ impl IesProfile {
             };
             let after = match v + 2 {
                 next if next < rows => self.at(h, next),
-                _ if high > 180.0 - 1e-6 => self.at(h, rows - 2),
                 _ => self.at(h, v + 1),
             };
             catmull_rom([before, self.at(h, v), self.at(h, v + 1), after], v_share)
         };
-        // 360° is 0°
-        let last = self.horizontal().len() - 1;
-        let before = if h == 0 { last - 1 } else { h - 1 };
-        let after = if h + 2 > last { 1 } else { h + 2 };
-        catmull_rom([before, h, h + 1, after].map(column), h_share).max(0.0)
+        // As by Cycles, whose test for a full circle fails by rounding: at 0° and 360° the curve has a kink
+        let after = if h + 2 < self.horizontal().len() { h + 2 } else { h };
+        catmull_rom([h.saturating_sub(1), h, h + 1, after].map(column), h_share).max(0.0)
     }
 }
 

@@ -2,7 +2,7 @@
 
 /// A half plane, and the column of the table that it shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Plane {
+pub(super) struct HalfPlane {
     /// Horizontal angle in degrees.
     pub(super) angle: f64,
     pub(super) column: usize,
@@ -10,12 +10,13 @@ pub(super) struct Plane {
 
 /// Returns the half planes of the whole circle, from 0° to 360°, of a file that may give a part of it: one plane for all
 /// (0°), a quadrant (0° to 90°), a half (0° to 180°, or 90° to 270°), or everything.
-pub(super) fn full_circle(horizontal: &[f64]) -> Result<Vec<Plane>, String> {
-    let mut planes: Vec<Plane> = horizontal.iter().zip(0..).map(|(&angle, column)| Plane { angle, column }).collect();
+pub(super) fn full_circle(horizontal: &[f64]) -> Result<Vec<HalfPlane>, String> {
+    let mut planes: Vec<HalfPlane> =
+        horizontal.iter().zip(0..).map(|(&angle, column)| HalfPlane { angle, column }).collect();
     let (first, last) = (horizontal[0], horizontal[horizontal.len() - 1]);
     let is = |angle: f64, other: f64| (angle - other).abs() < 1e-3;
     if planes.len() == 1 {
-        return Ok(vec![Plane { angle: 0.0, ..planes[0] }, Plane { angle: 360.0, ..planes[0] }]);
+        return Ok(vec![HalfPlane { angle: 0.0, ..planes[0] }, HalfPlane { angle: 360.0, ..planes[0] }]);
     }
     if is(first, 90.0) && is(last, 270.0) {
         // Mirrored at the plane of 90° and 270°
@@ -49,9 +50,9 @@ pub(super) fn full_circle(horizontal: &[f64]) -> Result<Vec<Plane>, String> {
 }
 
 /// Appends the planes mirrored at an angle, up to another one.
-fn mirrored(planes: &[Plane], at: f64, end: f64) -> Vec<Plane> {
+fn mirrored(planes: &[HalfPlane], at: f64, end: f64) -> Vec<HalfPlane> {
     let mut all = planes.to_vec();
-    let images = planes.iter().rev().map(|plane| Plane { angle: 2.0 * at - plane.angle, ..*plane });
+    let images = planes.iter().rev().map(|plane| HalfPlane { angle: 2.0 * at - plane.angle, ..*plane });
     all.extend(
         images.filter(|plane| (plane.angle - at).abs() > 1e-3 && (plane.angle - at).abs() <= (end - at).abs() + 1e-3),
     );
@@ -59,9 +60,9 @@ fn mirrored(planes: &[Plane], at: f64, end: f64) -> Vec<Plane> {
 }
 
 /// Appends 360°, which is 0°.
-fn closed(mut planes: Vec<Plane>) -> Vec<Plane> {
+fn closed(mut planes: Vec<HalfPlane>) -> Vec<HalfPlane> {
     if planes.last().is_some_and(|plane| plane.angle < 360.0 - 1e-3) {
-        planes.push(Plane { angle: 360.0, ..planes[0] });
+        planes.push(HalfPlane { angle: 360.0, ..planes[0] });
     }
     planes
 }

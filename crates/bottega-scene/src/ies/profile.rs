@@ -1,6 +1,6 @@
 //! The luminous intensity of a lamp by direction.
 
-use super::planes::Plane;
+use super::planes::HalfPlane;
 
 /// The luminous intensity of a lamp for each direction, in candela.
 ///
@@ -22,9 +22,9 @@ impl IesProfile {
     /// Makes a profile of a table.
     ///
     /// - `candela`: one column of vertical angles after another.
-    pub(super) fn new(vertical: Vec<f64>, planes: &[Plane], table: &[f64], lamp_lumens: Option<f64>) -> Self {
+    pub(super) fn new(vertical: Vec<f64>, planes: &[HalfPlane], table: &[f64], lamp_lumens: Option<f64>) -> Self {
         let count = vertical.len();
-        let column = |plane: &Plane| table[plane.column * count..][..count].iter().copied();
+        let column = |plane: &HalfPlane| table[plane.column * count..][..count].iter().copied();
         let candela = planes.iter().flat_map(column).collect();
         Self { vertical, horizontal: planes.iter().map(|plane| plane.angle).collect(), candela, lamp_lumens }
     }

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::planes::full_circle;
 use super::profile::IesProfile;
 use super::spherical::Goniometer;
-use super::words::{IesFault, Lines, Numbers};
+use super::words::{IesFault, IesLines, IesNumbers};
 use crate::error::SceneError;
 use crate::text::shortened;
 
@@ -60,7 +60,7 @@ fn too_large(path: &Path) -> SceneError {
 
 /// Reads the text of a file.
 fn parse(text: &str) -> Result<IesProfile, IesFault> {
-    let mut lines = Lines::new(text);
+    let mut lines = IesLines::new(text);
     let (version, tilt, line) = labels(&mut lines)?;
     let mut numbers = lines.numbers();
     match tilt.to_ascii_uppercase().as_str() {
@@ -83,7 +83,7 @@ fn parse(text: &str) -> Result<IesProfile, IesFault> {
     // Until 1991 a factor of ballast and lamp, then reserved; since 2019 digits that say how the file was made
     let second = numbers.number("the second factor of the ballast")?;
     numbers.number("the power in watts")?;
-    let factor = multiplier * ballast * if version == Version::Of2019 { 1.0 } else { second };
+    let factor = multiplier * ballast * if version == IesVersion::Of2019 { 1.0 } else { second };
     if !(factor.is_finite() && factor >= 0.0) {
         return Err(numbers.fault(format!("the factor of the candelas is {factor}; it must not be negative")));
     }
@@ -113,17 +113,17 @@ fn parse(text: &str) -> Result<IesProfile, IesFault> {
 
 /// The version of a file, as far as it matters.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Version {
+enum IesVersion {
     Before2019,
     Of2019,
 }
 
 /// Reads the first line, the labels and the line `TILT=`. Returns the version, the value of `TILT` and its line.
-fn labels<'a>(lines: &mut Lines<'a>) -> Result<(Version, &'a str, usize), IesFault> {
-    let mut version = Version::Before2019;
+fn labels<'a>(lines: &mut IesLines<'a>) -> Result<(IesVersion, &'a str, usize), IesFault> {
+    let mut version = IesVersion::Before2019;
     while let Some((line, number)) = lines.next() {
         if number == 1 && line.contains("LM-63-2019") {
-            version = Version::Of2019;
+            version = IesVersion::Of2019;
         }
         let line = line.trim();
         if let Some(start) = line.get(..4)
@@ -141,14 +141,14 @@ fn labels<'a>(lines: &mut Lines<'a>) -> Result<(Version, &'a str, usize), IesFau
 }
 
 /// Skips the angles and factors of `TILT=INCLUDE`.
-fn skip_tilt(numbers: &mut Numbers<'_>) -> Result<(), IesFault> {
+fn skip_tilt(numbers: &mut IesNumbers<'_>) -> Result<(), IesFault> {
     numbers.number("the position of the lamp")?;
     let count = numbers.count("the number of tilt angles", [0, ANGLES_MAX])?;
     numbers.list("tilt angles and their factors", 2 * count).map(drop)
 }
 
 /// Reads angles, which must ascend.
-fn angles(numbers: &mut Numbers<'_>, what: &str, count: usize) -> Result<Vec<f64>, IesFault> {
+fn angles(numbers: &mut IesNumbers<'_>, what: &str, count: usize) -> Result<Vec<f64>, IesFault> {
     let list = numbers.list(what, count)?;
     match list.windows(2).find(|pair| pair[0] >= pair[1]) {
         Some(pair) => {

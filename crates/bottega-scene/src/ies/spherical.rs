@@ -1,6 +1,6 @@
 //! Types A and B: tables by angles around two axes of a goniometer, converted to type C.
 
-use super::planes::Plane;
+use super::planes::HalfPlane;
 use super::profile::{IesProfile, cell};
 
 /// Vertical and horizontal steps of the converted table.
@@ -63,7 +63,7 @@ impl Goniometer {
         let [rows, columns] = STEPS;
         let vertical: Vec<f64> = (0..=rows).map(|row| row as f64 * 180.0 / rows as f64).collect();
         let angle = |column: usize| column as f64 * 360.0 / columns as f64;
-        let planes: Vec<Plane> = (0..=columns).map(|column| Plane { angle: angle(column), column }).collect();
+        let planes: Vec<HalfPlane> = (0..=columns).map(|column| HalfPlane { angle: angle(column), column }).collect();
         let mut table = Vec::with_capacity(vertical.len() * planes.len());
         for plane in &planes {
             // 0° and 360° are one

@@ -10,13 +10,13 @@ pub(super) struct IesFault {
 }
 
 /// The lines of a file. Lines end in LF, CR LF or CR.
-pub(super) struct Lines<'a> {
+pub(super) struct IesLines<'a> {
     rest: &'a str,
     /// Number of the next line, from 1.
     number: usize,
 }
 
-impl<'a> Lines<'a> {
+impl<'a> IesLines<'a> {
     pub(super) fn new(text: &'a str) -> Self {
         Self { rest: text, number: 1 }
     }
@@ -35,20 +35,20 @@ impl<'a> Lines<'a> {
     }
 
     /// Returns the numbers that follow.
-    pub(super) fn numbers(self) -> Numbers<'a> {
-        Numbers { lines: self, line: "", number: 0 }
+    pub(super) fn numbers(self) -> IesNumbers<'a> {
+        IesNumbers { lines: self, line: "", number: 0 }
     }
 }
 
 /// Numbers that follow each other, separated by blanks, commas and ends of lines.
-pub(super) struct Numbers<'a> {
-    lines: Lines<'a>,
+pub(super) struct IesNumbers<'a> {
+    lines: IesLines<'a>,
     /// The rest of the line, and its number.
     line: &'a str,
     number: usize,
 }
 
-impl Numbers<'_> {
+impl IesNumbers<'_> {
     /// Makes an error at the number that was read last.
     pub(super) fn fault(&self, problem: impl Into<String>) -> IesFault {
         IesFault { line: self.number.max(1), problem: problem.into() }
