@@ -17,7 +17,7 @@ use std::{
 use bottega_hra::{HraClient, HraReport, LifeTime};
 use bottega_image::{Picture, Tile};
 use bottega_render::{
-    AgentUse, LightGroups, PreparedScene, Prepass, RenderWork,
+    AgentUse, LightGroups, PreparedScene, Prepass, RenderWork, ShadowCatchers,
     ala::AgentReport,
     integrator::{PathIntegrator, learn_together},
     photon::{MapBytes, cast_photons, prepare_techniques},
@@ -85,6 +85,7 @@ impl BuiltinEngine {
             prepass,
             options,
             light_groups: None,
+            catchers: None,
             devices: resources.devices,
             cancelled: AtomicBool::new(false),
             sample_ns: AtomicU64::new(SAMPLE_NS_GUESSED),
@@ -112,6 +113,16 @@ impl BuiltinEngine {
     #[must_use]
     pub fn with_light_groups(mut self, groups: Option<Arc<LightGroups>>) -> Self {
         Arc::get_mut(&mut self.shared).expect("no zone is rendered yet").light_groups = groups;
+        self
+    }
+
+    /// Hides shadow catchers from the camera, and stores the light on them in the layers of catchers. `None`: there are none.
+    ///
+    /// # Panics
+    /// The engine already renders.
+    #[must_use]
+    pub fn with_catchers(mut self, catchers: Option<Arc<ShadowCatchers>>) -> Self {
+        Arc::get_mut(&mut self.shared).expect("no zone is rendered yet").catchers = catchers;
         self
     }
 

@@ -6,7 +6,7 @@ use std::sync::{
 };
 
 use bottega_image::{Layout, Tile};
-use bottega_render::{LightGroups, PathSettings, PreparedScene, Prepass, View};
+use bottega_render::{LightGroups, PathSettings, PreparedScene, Prepass, ShadowCatchers, View};
 
 /// The name of the built-in engine.
 pub(crate) const NAME: &str = "builtin";
@@ -39,6 +39,8 @@ pub(super) struct Shared {
     pub(super) options: BuiltinOptions,
     /// Groups of lights whose light is kept in the averaged layers.
     pub(super) light_groups: Option<Arc<LightGroups>>,
+    /// Shadow catchers.
+    pub(super) catchers: Option<Arc<ShadowCatchers>>,
     /// The number of devices, without the CPU.
     pub(super) devices: usize,
     pub(super) cancelled: AtomicBool,
