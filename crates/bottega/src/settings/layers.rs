@@ -33,6 +33,12 @@ pub fn own_layers(requested: Option<&[String]>, denoise: bool) -> Result<AovSet,
 }
 
 fn own_layer(name: &str) -> Result<Aov, Error> {
+    if let Some(aov) = Aov::CATCHERS.into_iter().find(|aov| aov.name() == name) {
+        return Err(Error::usage(
+            format!("the layer `{}` cannot be named (--aov, `film.layers`)", aov.name()),
+            "it comes with --shadow-catcher (`film.shadow_catchers`)",
+        ));
+    }
     named().find(|aov| aov.name() == name).ok_or_else(|| {
         Error::usage(
             format!("the built-in engine has no layer `{name}` (--aov, `film.layers`)"),
