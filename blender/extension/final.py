@@ -158,6 +158,9 @@ def pixels_of(picture: Layers, info: PassInfo | None, scene: Any, finish: Finish
         pixels[..., :3] = color
         is_clear = scene.render.film_transparent or "shadow-catcher" in picture
         pixels[..., 3] = flipped(picture["alpha"]) if is_clear and "alpha" in picture else 1.0
+        if scene.bottega.use_shadow_catcher and "shadow-catcher" in picture:
+            # As in Cycles, shadows are in the pass instead.
+            pixels[..., 3] -= flipped(_shadows(picture["shadow-catcher"]))
     elif info.name == "Normal":
         normal = flipped(picture["normal"])
         pixels = np.empty(normal.shape, np.float32)
@@ -182,6 +185,11 @@ def pixels_of(picture: Layers, info: PassInfo | None, scene: Any, finish: Finish
         pixels = flipped(picture[_LAYERS[info.name]])
     height, width = pixels.shape[:2]
     return np.ascontiguousarray(pixels, np.float32).reshape(height * width, -1)
+
+
+def _shadows(caught: Any) -> Any:
+    """Returns what the shadows on catchers have added to alpha, from the layer of catchers."""
+    return caught[..., 3] * np.clip(1.0 - np.asarray(caught[..., :3]).mean(-1), 0.0, 1.0)
 
 
 def _distances(picture: Layers, finish: Finish) -> Any:
