@@ -318,7 +318,7 @@ mod tests {
         // One of four samples meets an object, two see a catcher in half and in all of its light
         for x in 0..2 {
             (0..4).for_each(|sample| {
-                tile.add(x, 0, &SampleValues { alpha: f32::from(sample == 0), ..Default::default() })
+                tile.add(x, 0, &SampleValues { alpha: f32::from(sample == 0), ..Default::default() });
             });
         }
         for with in [0.5, 1.0] {

@@ -74,7 +74,7 @@ fn light_on_shadow_catchers_depends_on_nobody_who_paints() {
     let folder = tempfile::tempdir().expect("a folder");
     let [one, other, stopped] = ["one.exr", "other.exr", "stopped.exr"].map(|name| folder.path().join(name));
     let words = |output: &'_ Path| -> Vec<String> {
-        let usual = ["render", "cornell-box.glb", "-o", text(output), "--size", "40x30", "--spp", "600"];
+        let usual = ["render", "cornell-box.glb", "-o", text(output), "--size", "24x18", "--spp", "300"];
         let more = ["--set=work.zones=12", "--shadow-catcher", "cbox*"];
         usual.into_iter().chain(more).map(str::to_owned).collect()
     };
@@ -92,7 +92,7 @@ fn light_on_shadow_catchers_depends_on_nobody_who_paints() {
     let of_one = bits(&one);
     assert_eq!(of_one, bits(&other));
     let mean = |plane: &[u32]| plane.iter().map(|&bits| f32::from_bits(bits)).sum::<f32>() / plane.len() as f32;
-    let means: Vec<f32> = of_one.chunks(40 * 30).map(mean).collect();
+    let means: Vec<f32> = of_one.chunks(24 * 18).map(mean).collect();
     assert!(means[0] < 0.99 && means[1] > 0.2 && means[2] > 0.0 && means[3] < 1.0, "{means:?}");
     // An interrupted picture goes on to the same bits
     let long = words(&stopped);
