@@ -46,6 +46,23 @@ impl ShadowCatchers {
     }
 }
 
+/// The tests that only pictures with catchers need, apart from the code of all others, which they would slow down.
+impl ShadowCatchers {
+    /// Returns true if a surface stays without the objects that are no catchers: if it is one, or glows.
+    #[cold]
+    #[inline(never)]
+    fn leave(&self, prepared: &PreparedScene, hit: &Hit) -> bool {
+        self.has(hit) || prepared.material(material_of(prepared, hit)).1.shines
+    }
+
+    /// Returns true if a ray met the surface of a catcher.
+    #[cold]
+    #[inline(never)]
+    fn are_met(&self, prepared: &PreparedScene, hit: &Hit) -> bool {
+        hit.is_some() && self.has(hit) && !prepared.material(material_of(prepared, hit)).1.is_null
+    }
+}
+
 /// The part that shadow catchers play for a path.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum CatcherRole<'a> {
@@ -62,7 +79,7 @@ impl CatcherRole<'_> {
     #[inline(always)]
     pub(crate) fn has(&self, prepared: &PreparedScene, hit: &Hit) -> bool {
         match self {
-            Self::Alone(catchers) => catchers.has(hit) || prepared.material(material_of(prepared, hit)).1.shines,
+            Self::Alone(catchers) => catchers.leave(prepared, hit),
             Self::Objects | Self::Unseen(_) => true,
         }
     }
@@ -70,8 +87,7 @@ impl CatcherRole<'_> {
     /// Returns true if the camera must not see a surface that its ray hit.
     #[inline(always)]
     pub(crate) fn hides(&self, prepared: &PreparedScene, hit: &Hit) -> bool {
-        let Self::Unseen(catchers) = self else { return false };
-        hit.is_some() && catchers.has(hit) && !prepared.material(material_of(prepared, hit)).1.is_null
+        matches!(self, Self::Unseen(catchers) if catchers.are_met(prepared, hit))
     }
 
     /// Returns true if the camera does not see the light at infinity.
