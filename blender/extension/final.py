@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Mapping, Union
+from typing import Any, Mapping, Sequence, Union
 
 import bottega
 import numpy as np
@@ -15,6 +15,8 @@ from .export.report import Fidelity, Report
 
 # What the name of a light group's pass begins with, as in Cycles.
 GROUP_PASS = "Combined_"
+# The name of the pass of shadow catchers, as in Cycles.
+CATCHER_PASS = "Shadow Catcher"
 
 Layers = Union[bottega.Picture, bottega.ImageFile, Mapping[str, Any]]
 
@@ -49,6 +51,7 @@ def passes_of(scene: Any, layer: Any) -> list[PassInfo]:
         (settings.use_albedo, PassInfo("Albedo", 3, "RGB", "COLOR")),
         (settings.use_sample_count, PassInfo("Sample Count", 1, "X", "VALUE")),
         (settings.use_cost, PassInfo("Cost", 1, "X", "VALUE")),
+        (settings.use_shadow_catcher, PassInfo(CATCHER_PASS, 3, "RGB", "COLOR")),
     ]
     groups = [PassInfo(GROUP_PASS + name, 3, "RGB", "COLOR") for name in groups_of(layer)]
     return [info for is_wanted, info in wanted if is_wanted] + groups
@@ -62,20 +65,30 @@ def groups_of(layer: Any) -> list[str]:
 _LAYERS = {"Depth": "depth", "Normal": "normal", "Mist": "depth", "Albedo": "albedo", "Sample Count": "samples", "Cost": "cost"}
 
 
-def note_groups(layer: Any, report: Report) -> None:
-    """Notes the light groups that a picture has no room for."""
+def note_passes(layer: Any, report: Report) -> None:
+    """Notes the passes that a picture does not have."""
+    report.begin("passes")
+    if layer.use_pass_vector:
+        text = "motion vectors span the shutter's time, not two frames: `bottega render --aov motion` of the exported scene has them"
+        report.add("passes", layer.name, "Vector", Fidelity.LEFT_OUT, text)
     for group in list(getattr(layer, "lightgroups", ()))[GROUPS_MAX:]:
         text = f"a picture has {GROUPS_MAX} light groups at most: this one has no pass"
         report.add("light groups", group.name, "Light Group", Fidelity.LEFT_OUT, text)
 
 
 def request_fields(
-    scene: Any, layer: Any, frame: Frame, crop: tuple[int, int, int, int] | None, finish: Finish, lights: Mapping[str, list[str]]
+    scene: Any,
+    layer: Any,
+    frame: Frame,
+    crop: tuple[int, int, int, int] | None,
+    finish: Finish,
+    lights: Mapping[str, list[str]],
+    catchers: Sequence[str],
 ) -> dict[str, Any]:
     """Returns the fields of the request for a final picture.
 
     - `crop`: x0, y0, x1, y1, row 0 on top.
-    - `lights`: names of the lights of each light group.
+    - `lights`: names of the lights of each light group. `catchers`: names of shadow catchers.
     """
     settings = scene.bottega
     wanted = {_LAYERS[info.name] for info in passes_of(scene, layer) if info.name in _LAYERS}
@@ -92,6 +105,8 @@ def request_fields(
     groups = {name: lights[name] for name in groups_of(layer) if name in lights}
     if groups:
         fields["light_groups"] = groups
+    if catchers:
+        fields["shadow_catchers"] = list(catchers)
     if settings.guide == "OFF":
         fields["guide"] = {"by": "none"}
     if settings.optimization != "OFF":
@@ -141,7 +156,11 @@ def pixels_of(picture: Layers, info: PassInfo | None, scene: Any, finish: Finish
         color = flipped(picture["color"])
         pixels = np.empty((*color.shape[:2], 4), np.float32)
         pixels[..., :3] = color
-        pixels[..., 3] = flipped(picture["alpha"]) if scene.render.film_transparent and "alpha" in picture else 1.0
+        is_clear = scene.render.film_transparent or "shadow-catcher" in picture
+        pixels[..., 3] = flipped(picture["alpha"]) if is_clear and "alpha" in picture else 1.0
+        if scene.bottega.use_shadow_catcher and "shadow-catcher" in picture:
+            # As in Cycles, shadows are in the pass instead.
+            pixels[..., 3] -= flipped(_shadows(picture["shadow-catcher"]))
     elif info.name == "Normal":
         normal = flipped(picture["normal"])
         pixels = np.empty(normal.shape, np.float32)
@@ -154,6 +173,10 @@ def pixels_of(picture: Layers, info: PassInfo | None, scene: Any, finish: Finish
     elif info.name == "Depth":
         depth = flipped(_distances(picture, finish))
         pixels = np.where(np.isfinite(depth) & (depth > 0.0), depth, np.float32(1e10))
+    elif info.name == CATCHER_PASS:
+        # Without catchers nothing lacks light.
+        white = np.ones_like(picture["color"])
+        pixels = flipped(picture["shadow-catcher"])[..., :3] if "shadow-catcher" in picture else white
     elif info.name.startswith(GROUP_PASS):
         # A group without lights is black.
         name = "light_" + info.name[len(GROUP_PASS) :]
@@ -162,6 +185,11 @@ def pixels_of(picture: Layers, info: PassInfo | None, scene: Any, finish: Finish
         pixels = flipped(picture[_LAYERS[info.name]])
     height, width = pixels.shape[:2]
     return np.ascontiguousarray(pixels, np.float32).reshape(height * width, -1)
+
+
+def _shadows(caught: Any) -> Any:
+    """Returns what the shadows on catchers have added to alpha, from the layer of catchers."""
+    return caught[..., 3] * np.clip(1.0 - np.asarray(caught[..., :3]).mean(-1), 0.0, 1.0)
 
 
 def _distances(picture: Layers, finish: Finish) -> Any:

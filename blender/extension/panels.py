@@ -174,6 +174,7 @@ class BOTTEGA_PT_passes(_Panel, bpy.types.Panel):
         column.prop(settings, "use_albedo")
         column.prop(settings, "use_sample_count")
         column.prop(settings, "use_cost")
+        column.prop(settings, "use_shadow_catcher")
 
 
 class BOTTEGA_PT_light_groups(_Panel, bpy.types.Panel):
@@ -236,6 +237,22 @@ class BOTTEGA_PT_world_light_group(_LightGroupPanel, bpy.types.Panel):
         return context.world
 
 
+class BOTTEGA_PT_object_shadow_catcher(_Panel, bpy.types.Panel):
+    """Whether an object stands for one of a photographed plate."""
+
+    bl_label = "Shadow Catcher"
+    bl_context = "object"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and hasattr(context.object, "is_shadow_catcher")
+
+    def draw(self, context: Any) -> None:
+        self.layout.use_property_split = True
+        self.layout.prop(context.object, "is_shadow_catcher")
+
+
 _CLASSES = (
     BOTTEGA_PT_quality,
     BOTTEGA_PT_paths,
@@ -247,6 +264,7 @@ _CLASSES = (
     BOTTEGA_PT_light_groups,
     BOTTEGA_PT_object_light_group,
     BOTTEGA_PT_world_light_group,
+    BOTTEGA_PT_object_shadow_catcher,
 )
 
 

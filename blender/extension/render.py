@@ -17,7 +17,7 @@ from .export.camera import Eye, Frame, camera_keys, camera_of, frame_of
 from .export.moments import Clock, Motion, camera_matrix, follow, lens_of
 from .export.report import Fidelity, Report
 from .export.shutter import rolling_shutter_of, shutter_of
-from .final import Finish, Layers, PassInfo, crop_of, note_groups, passes_of, pixels_of, request_fields
+from .final import Finish, Layers, PassInfo, crop_of, note_passes, passes_of, pixels_of, request_fields
 from .work import Work, work_for
 
 # Seconds between looks at whether the user has pressed Escape.
@@ -64,7 +64,7 @@ def render(engine: Any, depsgraph: Any) -> None:
             _see_backdrop(camera, export, camera_object.name, layer)
         if scene.render.film_transparent and getattr(getattr(scene, "cycles", None), "film_transparent_glass", False):
             export.report.add("camera", scene.name, "Transparent Glass", Fidelity.APPROXIMATED, "behind glass alpha is 1")
-        note_groups(layer, export.report)
+        note_passes(layer, export.report)
         if not engine.is_preview:
             Kept.last_report = export.report
         for view, (camera, path) in cameras.items():
@@ -167,9 +167,10 @@ def _paint(engine: Any, scene: Any, layer: Any, frame: Frame, export: Export, fi
     """Renders a view in another thread; in this one shows what is painted, and watches for Escape."""
     crop = crop_of(scene.render, frame)
     made = export.scene
-    fields = request_fields(scene, layer, frame, crop, finish, export.light_groups)
+    fields = request_fields(scene, layer, frame, crop, finish, export.light_groups, export.shadow_catchers)
     if engine.is_preview:
         fields.pop("light_groups", None)
+        fields.pop("shadow_catchers", None)
         fields.update(PREVIEW)
     engine.update_stats("", "Reading the scene")
     work = Work(made, fields) if engine.is_preview else work_for(scene.bottega, made, fields)

@@ -54,6 +54,9 @@ class BottegaSceneSettings(bpy.types.PropertyGroup):
     view_farm: BoolProperty(name="Viewport on the Farm", description="Free machines of the farm render samples of the viewport, too", default=False)
     use_albedo: BoolProperty(name="Albedo", description="The color of surfaces, as a pass", default=False)
     use_sample_count: BoolProperty(name="Samples", description="The number of samples per pixel, as a pass", default=False)
+    use_shadow_catcher: BoolProperty(
+        name="Shadow Catcher", description="The share of their light that shadow catchers keep, as a pass", default=False
+    )
     use_cost: BoolProperty(name="Cost", description="The time per pixel, as a pass", default=False)
 
 

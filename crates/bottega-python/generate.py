@@ -27,6 +27,7 @@ KEYWORDS = {
     "filter": "film.filter",
     "layers": "film.layers",
     "light_groups": "film.light_groups",
+    "shadow_catchers": "film.shadow_catchers",
     "denoise": "film.denoise",
     "camera": "view.camera",
     "light": "environment.light",

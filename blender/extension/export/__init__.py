@@ -25,6 +25,7 @@ from .nodes import groups_of, uid_of
 from .paths import Path, Paths, is_same_path
 from .placements import Placement, placements_of
 from .report import Fidelity, Report
+from .shadow_catchers import shadow_catchers_of
 from .textures import Pictures
 from .volumes import BOX, Volumes, is_gas_domain
 from .world import Surroundings, surroundings_of
@@ -63,6 +64,8 @@ class Export:
         self._world_uses: set[Any] = set()
         # Names of the lights of each light group.
         self.light_groups: dict[str, list[str]] = {}
+        # Names of the meshes of shadow catchers.
+        self.shadow_catchers: list[str] = []
         self._is_world_moving = False
         # Session numbers of what Blender has changed since the last pass.
         self._dirty: set[Any] = set()
@@ -124,6 +127,7 @@ class Export:
         self._volumes.update(found.volumes, found.matrices, self._dirty)
         self._surround(found, placements)
         self._drop_unused(found, placements)
+        self.shadow_catchers = shadow_catchers_of(found, depsgraph.scene, self.report)
         self.light_groups = light_groups_of(found, depsgraph.scene.world, self._surroundings.lights, self.report)
         self._dirty.clear()
         self._arrange(found, placements)

@@ -17,7 +17,7 @@ use std::{
 use bottega_hra::{HraClient, HraReport, LifeTime};
 use bottega_image::{Picture, Tile};
 use bottega_render::{
-    AgentUse, LightGroups, PreparedScene, Prepass, RenderError, RenderWork, TechniqueJudge,
+    AgentUse, LightGroups, PreparedScene, Prepass, RenderError, RenderWork, ShadowCatchers, TechniqueJudge,
     ala::AgentReport,
     integrator::{PathIntegrator, learn_together},
     photon::{MapBytes, cast_photons, prepare_techniques},
@@ -86,6 +86,7 @@ impl BuiltinEngine {
             options,
             light_groups: None,
             technique_judge: None,
+            catchers: None,
             devices: resources.devices,
             cancelled: AtomicBool::new(false),
             sample_ns: AtomicU64::new(SAMPLE_NS_GUESSED),
@@ -113,6 +114,16 @@ impl BuiltinEngine {
     #[must_use]
     pub fn with_light_groups(mut self, groups: Option<Arc<LightGroups>>) -> Self {
         Arc::get_mut(&mut self.shared).expect("no zone is rendered yet").light_groups = groups;
+        self
+    }
+
+    /// Hides shadow catchers from the camera, and stores the light on them in the layers of catchers. `None`: there are none.
+    ///
+    /// # Panics
+    /// The engine already renders.
+    #[must_use]
+    pub fn with_catchers(mut self, catchers: Option<Arc<ShadowCatchers>>) -> Self {
+        Arc::get_mut(&mut self.shared).expect("no zone is rendered yet").catchers = catchers;
         self
     }
 

@@ -220,6 +220,7 @@ fn report(shared: &Shared, end: Option<End>, total: Duration, by_user: bool) -> 
     let times = Times { total, survey, preparation, ..composer.times() };
     let learner = shared.learner();
     let (forecast, lessons) = (learner.forecast(), learner.lessons(composer.samples_wanted()));
-    let (film, rows, jobs_learnt) = (composer.take_film(), composer.rows(), shared.knowledge.experience.jobs());
+    let (film, rows, jobs_learnt) =
+        (composer.take_film().finished(), composer.rows(), shared.knowledge.experience.jobs());
     Ok(JobReport { film, stopped, failed, rows, times, messages, forecast, jobs_learnt, lessons })
 }

@@ -78,6 +78,7 @@ fn a_processor_and_a_device_paint_one_picture() {
         tile: Tile::new(rect, layout.clone()),
         samples: 0..16,
         light_groups: None,
+        catchers: None,
     };
     let units = whole.blocks(8).zip(0..).map(|(rect, n)| WorkUnit::new(RenderWork::Block(block(rect)), n));
     client.submit_group(units.collect()).unwrap();

@@ -60,6 +60,7 @@ fn paint(path: &Path, options: &PathOptions) -> Result<Pair, GpuError> {
         tile: Tile::new(frame, Layout::new(AovSet::NONE)),
         samples: 0..SAMPLES,
         light_groups: None,
+        catchers: None,
     };
     let gpu = GpuPaths::new(&scene, options)?;
     let window = Window { packets: 2, units_per_packet: 64, patience: options.timeout, ..Window::default() };

@@ -54,6 +54,7 @@ fn work(scene: &Arc<PreparedScene>, rect: Rect) -> RenderWork {
         tile: Tile::new(rect, Layout::new(AovSet::NONE)),
         samples: 0..4,
         light_groups: None,
+        catchers: None,
     })
 }
 

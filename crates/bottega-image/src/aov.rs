@@ -27,6 +27,14 @@ pub enum Aov {
     Indirect,
     /// Standard error of the mean luminance; its square is the variance of the mean.
     Error,
+    /// Motion vectors of the first surface, in pixels to the right and up: from where it is to where it is when the
+    /// shutter is closed (forward) and when it opens (backward).
+    Motion,
+    /// Light on shadow catchers with all objects, R G B, and the share of the pixel that shows them. In a
+    /// [finished](crate::Film::finished) film, the share of the light that the other objects leave to them.
+    ShadowCatcher,
+    /// Light on shadow catchers without the other objects, linear RGB.
+    CatcherLight,
     /// Ranks of the objects that cover the pixel: a Cryptomatte.
     CryptoObject,
     /// Ranks of the materials that cover the pixel: a Cryptomatte.
@@ -37,7 +45,7 @@ pub enum Aov {
 
 impl Aov {
     /// All AOVs, in their order within a pixel.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 17] = [
         Self::Albedo,
         Self::Normal,
         Self::Depth,
@@ -49,10 +57,15 @@ impl Aov {
         Self::Direct,
         Self::Indirect,
         Self::Error,
+        Self::Motion,
+        Self::ShadowCatcher,
+        Self::CatcherLight,
         Self::CryptoObject,
         Self::CryptoMaterial,
         Self::CryptoAsset,
     ];
+    /// The layers of pictures with shadow catchers, and of no others.
+    pub const CATCHERS: [Self; 2] = [Self::ShadowCatcher, Self::CatcherLight];
     /// The Cryptomattes, which lie last within a pixel.
     pub const MATTES: [Self; 3] = [Self::CryptoObject, Self::CryptoMaterial, Self::CryptoAsset];
 
@@ -70,6 +83,9 @@ impl Aov {
             Self::Direct => "direct",
             Self::Indirect => "indirect",
             Self::Error => "error",
+            Self::Motion => "motion",
+            Self::ShadowCatcher => "shadow-catcher",
+            Self::CatcherLight => "catcher-light",
             Self::CryptoObject => "crypto-object",
             Self::CryptoMaterial => "crypto-material",
             Self::CryptoAsset => "crypto-asset",
@@ -81,6 +97,8 @@ impl Aov {
         match self {
             Self::Position => "P",
             Self::GeometricNormal => "geometric_normal",
+            Self::ShadowCatcher => "shadow_catcher",
+            Self::CatcherLight => "catcher_light",
             Self::CryptoObject => "CryptoObject",
             Self::CryptoMaterial => "CryptoMaterial",
             Self::CryptoAsset => "CryptoAsset",
@@ -104,13 +122,16 @@ impl Aov {
         }
     }
 
-    /// Returns the names of the AOV's channels within its layer; empty for a single channel and for a Cryptomatte.
+    /// Returns the names of the AOV's channels within its layer; empty for a single channel and for a Cryptomatte. Motion
+    /// vectors have Nuke's full names, without a layer before them.
     pub fn channels(self) -> &'static [&'static str] {
         match self {
-            Self::Albedo | Self::Direct | Self::Indirect => &["R", "G", "B"],
+            Self::ShadowCatcher => &["R", "G", "B", "A"],
+            Self::Albedo | Self::Direct | Self::Indirect | Self::CatcherLight => &["R", "G", "B"],
             Self::Normal | Self::Position | Self::GeometricNormal => &["X", "Y", "Z"],
             Self::Depth => &["Z"],
             Self::Uv => &["U", "V"],
+            Self::Motion => &["forward.u", "forward.v", "backward.u", "backward.v"],
             Self::SampleCount | Self::Cost | Self::Error => &[],
             Self::CryptoObject | Self::CryptoMaterial | Self::CryptoAsset => &[],
         }
@@ -125,6 +146,7 @@ impl Aov {
                 .flat_map(|pair| ["R", "G", "B", "A"].map(|channel| format!("{layer}{pair:02}.{channel}")))
                 .collect(),
             [] => vec![layer.to_owned()],
+            channels if self == Self::Motion => channels.iter().map(|&channel| channel.to_owned()).collect(),
             channels => channels.iter().map(|channel| format!("{layer}.{channel}")).collect(),
         }
     }
@@ -132,7 +154,7 @@ impl Aov {
 
 /// A set of AOVs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct AovSet(u16);
+pub struct AovSet(u32);
 
 impl AovSet {
     /// The empty set.
@@ -141,21 +163,21 @@ impl AovSet {
     /// Returns this set with `aov` added.
     #[must_use]
     pub fn with(self, aov: Aov) -> Self {
-        Self(self.0 | 1 << aov as u16)
+        Self(self.0 | 1 << aov as u32)
     }
 
     /// Returns true if `aov` is in the set.
     pub fn contains(self, aov: Aov) -> bool {
-        self.0 & (1 << aov as u16) != 0
+        self.0 & (1 << aov as u32) != 0
     }
 
     /// Returns one bit per AOV, the first of [`Aov::ALL`] lowest: for stored tiles.
-    pub fn bits(self) -> u16 {
+    pub fn bits(self) -> u32 {
         self.0
     }
 
     /// Returns the set of these [`bits`](Self::bits); `None` if an unknown bit is set.
-    pub fn from_bits(bits: u16) -> Option<Self> {
+    pub fn from_bits(bits: u32) -> Option<Self> {
         (bits >> Aov::ALL.len() == 0).then_some(Self(bits))
     }
 

@@ -205,11 +205,20 @@ fn film_channels(layout: &Layout, depth: HalfOrFloat) -> Vec<ExrChannel> {
     channels.extend(color_channels(depth, ["A"], Layout::ALPHA));
     for aov in layout.aovs().iter() {
         let offset = layout.offset(aov).expect("an AOV of the layout");
-        let is_half = matches!(aov, Aov::Albedo | Aov::Normal | Aov::GeometricNormal | Aov::Direct | Aov::Indirect);
+        let is_half = matches!(
+            aov,
+            Aov::Albedo
+                | Aov::Normal
+                | Aov::GeometricNormal
+                | Aov::Direct
+                | Aov::Indirect
+                | Aov::CatcherLight
+                | Aov::ShadowCatcher
+        );
         let depth = if is_half { depth } else { HalfOrFloat::Float };
         let of_aov = named_channels(depth, aov.full_names(), offset);
         channels.extend(of_aov.map(|channel| {
-            let is_exact = aov.is_matte() || is_rounded_as_luminance(&channel.name);
+            let is_exact = aov.is_matte() || aov == Aov::ShadowCatcher || is_rounded_as_luminance(&channel.name);
             ExrChannel { is_exact, ..channel }
         }));
     }

@@ -3,7 +3,7 @@
 use std::{io::Cursor, path::Path};
 
 use crate::{
-    Canvas, ColorMap, ExrOptions, ImageError, Metadata, Picture, Rect, ToneMap,
+    Aov, Canvas, ColorMap, ExrOptions, ImageError, Metadata, Picture, Rect, ToneMap,
     exr_read::{self, WantedChannels},
     exr_write::picture_exr_bytes,
     limits::ReadLimits,
@@ -24,6 +24,8 @@ pub enum LayerKind {
     Color,
     /// A direction: x, y and z, in [−1, 1].
     Direction,
+    /// A vector in the picture, in pixels to the right and up.
+    Vector,
     /// A single number.
     Number,
     /// Ranks of a Cryptomatte: identity and coverage of one part, then of another.
@@ -86,7 +88,11 @@ impl FileLayer {
     ///
     /// The file is damaged, has no color or no such layer, uses an unsupported feature, or exceeds [`ReadLimits::default`].
     pub fn read(&self, name: impl AsRef<Path>, bytes: &[u8]) -> Result<LayerPicture, ImageError> {
-        let most = if self.kind == LayerKind::Number { 1 } else { 3 };
+        let most = match self.kind {
+            LayerKind::Number => 1,
+            LayerKind::Vector => 2,
+            LayerKind::Color | LayerKind::Direction | LayerKind::Matte => 3,
+        };
         let LayerPlanes { planes, size: [width, height] } = self.read_channels(name, bytes, most)?;
         let value = |channel: usize, pixel: usize| match (planes.get(channel), self.kind) {
             (Some(plane), _) => plane[pixel],
@@ -114,8 +120,9 @@ impl FileLayer {
         let read = guarded(&source, "EXR", || exr_read::read(&source, Cursor::new(bytes), wanted))?;
         let planes: Option<Vec<Vec<f32>>> = read.planes.into_iter().collect();
         let mut planes = planes.ok_or_else(|| source.malformed("EXR", format!("it has no layer `{}`", self.name)))?;
-        // Light and reflectance have the color space of the picture
-        if let (LayerKind::Color, false, [red, green, blue]) = (self.kind, read.conversion.is_none(), &mut planes[..]) {
+        // Light and reflectance have the color space of the picture, a share of light has none
+        let is_plain = read.conversion.is_none() || self.name == Aov::ShadowCatcher.file_name();
+        if let (LayerKind::Color, false, [red, green, blue]) = (self.kind, is_plain, &mut planes[..]) {
             for ((red, green), blue) in red.iter_mut().zip(green).zip(blue) {
                 let mut color = [[*red, *green, *blue]];
                 read.conversion.apply(&mut color);
@@ -150,9 +157,11 @@ fn layers_of(channels: &[String]) -> Vec<FileLayer> {
             layer.kind = LayerKind::Matte;
             continue;
         }
+        let is_vector = layer.channels.iter().map(|full| full.rsplit('.').next().unwrap_or_default()).eq(["u", "v"]);
         layer.kind = match layer.channels.iter().map(place).collect::<Vec<_>>()[..] {
             [0, 1, 2] => LayerKind::Color,
             [3, 4, 5] => LayerKind::Direction,
+            _ if is_vector => LayerKind::Vector,
             _ => LayerKind::Number,
         };
     }
@@ -173,8 +182,8 @@ fn matte_color([identity, coverage, _]: [f32; 3]) -> [u8; 3] {
 }
 
 impl LayerPicture {
-    /// Returns a picture of the layer for display: colors tone mapped, directions as colors, numbers in false colors,
-    /// the first part of each pixel of a Cryptomatte in a color of its own.
+    /// Returns a picture of the layer for display: colors tone mapped, directions and vectors as colors, numbers in false
+    /// colors, the first part of each pixel of a Cryptomatte in a color of its own.
     ///
     /// - `tone`: for colors that may exceed 1.
     pub fn canvas(&self, tone: ToneMap) -> Canvas {
@@ -186,6 +195,12 @@ impl LayerPicture {
             }
             LayerKind::Direction => {
                 let shade = |value: f32| ((0.5 * value + 0.5).clamp(0.0, 1.0) * 255.0).round() as u8;
+                Canvas { width: *width, height: *height, pixels: data.iter().map(|it| it.map(shade)).collect() }
+            }
+            LayerKind::Vector => {
+                let longest =
+                    white(&data.iter().map(|it| (it[0] * it[0] + it[1] * it[1]).sqrt()).collect::<Vec<_>>()).max(1e-6);
+                let shade = |value: f32| ((0.5 * value / longest + 0.5).clamp(0.0, 1.0) * 255.0).round() as u8;
                 Canvas { width: *width, height: *height, pixels: data.iter().map(|it| it.map(shade)).collect() }
             }
             LayerKind::Matte => {
@@ -224,7 +239,7 @@ fn white(values: &[f32]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Aov, AovSet, Film, Layout, SampleValues, Tile, read_image_bytes, write_exr};
+    use crate::{AovSet, Film, Layout, SampleValues, Tile, read_image_bytes, write_exr};
 
     fn names(channels: &[&str]) -> Vec<(String, LayerKind, usize)> {
         let channels: Vec<String> = channels.iter().map(|&name| name.to_owned()).collect();
@@ -247,6 +262,8 @@ mod tests {
             "albedo.R",
             "cost",
             "depth.Z",
+            "forward.u",
+            "forward.v",
             "n.A",
             "n.X",
             "n.Y",
@@ -258,6 +275,7 @@ mod tests {
             of("albedo", LayerKind::Color, 3),
             of("cost", LayerKind::Number, 1),
             of("depth", LayerKind::Number, 1),
+            of("forward", LayerKind::Vector, 2),
             of("n", LayerKind::Direction, 3),
         ];
         assert_eq!(found, wanted);

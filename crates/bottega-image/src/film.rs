@@ -201,6 +201,26 @@ impl Film {
         Ok(film)
     }
 
+    /// Returns the film of a picture whose last tile was added. With [`Aov::ShadowCatcher`], the light on shadow catchers is
+    /// divided by the light that they have without the other objects, 1 where they have none; and the alpha of a pixel
+    /// grows by what its catchers lack of that light, so that a plate below the picture gets darker there.
+    #[must_use]
+    pub fn finished(mut self) -> Self {
+        let offsets = Aov::CATCHERS.map(|aov| self.layout.offset(aov));
+        let [Some(caught), Some(without)] = offsets else { return self };
+        for pixel in self.values.chunks_exact_mut(self.layout.stride() + 1) {
+            let mut lacking = 0.0;
+            for channel in 0..3 {
+                let (with, without) = (pixel[caught + channel], pixel[without + channel]);
+                let ratio = if without > 0.0 { (with / without).max(0.0) } else { 1.0 };
+                pixel[caught + channel] = ratio;
+                lacking += (1.0 - ratio) / 3.0;
+            }
+            pixel[Layout::ALPHA] += pixel[caught + 3] * lacking.clamp(0.0, 1.0);
+        }
+        self
+    }
+
     /// Returns all values of pixel (x, y), then its weight: `[stride + 1]`.
     pub(crate) fn pixel(&self, x: u32, y: u32) -> &[f32] {
         let stride = self.layout.stride() + 1;
@@ -289,6 +309,28 @@ mod tests {
             samples.iter().for_each(|&value| tile.add(x, y, &gray(value)));
         }
         tile
+    }
+
+    #[test]
+    fn a_finished_film_has_the_share_of_light_on_catchers_and_shadows_in_alpha() {
+        let layout = Layout::new(Aov::CATCHERS.into_iter().collect());
+        let (rect, at) = (Rect::of_size(2, 1), layout.offset(Aov::ShadowCatcher).unwrap());
+        let mut tile = Tile::new(rect, layout.clone());
+        // One of four samples meets an object, two see a catcher in half and in all of its light
+        for x in 0..2 {
+            (0..4).for_each(|sample| {
+                tile.add(x, 0, &SampleValues { alpha: f32::from(sample == 0), ..Default::default() });
+            });
+        }
+        for with in [0.5, 1.0] {
+            tile.add_caught(0, 0, &crate::CaughtLight { with: [with, with, with], without: [1.0, 1.0, 0.0] });
+        }
+        let mut film = Film::new(rect, layout);
+        film.add_tile(&tile, |_, _| 1.0);
+        let film = film.finished();
+        assert_eq!(film.pixel(0, 0)[at..at + 7], [0.75, 0.75, 1.0, 0.5, 0.5, 0.5, 0.0]);
+        assert!((film.color(0, 0)[3] - (0.25 + 0.5 * 0.5 / 3.0)).abs() < 1e-6);
+        assert_eq!((&film.pixel(1, 0)[at..at + 4], film.color(1, 0)[3]), (&[1.0, 1.0, 1.0, 0.0][..], 0.25));
     }
 
     #[test]

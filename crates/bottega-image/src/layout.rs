@@ -91,7 +91,7 @@ impl Layout {
 
     /// Returns true if an AOV of the first surface is kept: see [`Tile::add_surface`](crate::Tile::add_surface).
     pub fn has_surfaces(&self) -> bool {
-        [Aov::Position, Aov::GeometricNormal, Aov::Uv].into_iter().any(|aov| self.aovs.contains(aov))
+        [Aov::Position, Aov::GeometricNormal, Aov::Uv, Aov::Motion].into_iter().any(|aov| self.aovs.contains(aov))
             || self.has_mattes()
     }
 

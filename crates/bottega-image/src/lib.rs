@@ -90,6 +90,6 @@ pub use read::{read_channels, read_image, read_image_bytes, read_picture};
 pub use rect::{Rect, Sides};
 pub use source::ImageFile;
 pub use svg::{Svg, svg_text};
-pub use tile::{SampleValues, SurfaceValues, Tile};
+pub use tile::{CaughtLight, SampleValues, SurfaceValues, Tile};
 pub use tone::{Encoding, ToneMap, displayed, linear_from_srgb, srgb_from_linear};
 pub use whole::{WholeHeader, WholePicture, is_float_picture, read_whole};

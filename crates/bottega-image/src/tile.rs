@@ -30,10 +30,21 @@ pub struct SurfaceValues {
     pub geometric_normal: [f32; 3],
     /// Texture coordinates; see [`Aov::Uv`].
     pub uv: [f32; 2],
+    /// Motion vectors, forward and backward; see [`Aov::Motion`].
+    pub motion: [f32; 4],
     /// Cryptomatte identities of object, material and asset, in the order of [`Aov::MATTES`]; 0: none.
     pub identities: [f32; 3],
     /// Weight of the sample by the pixel filter, with mean 1; below 0 where the filter is.
     pub weight: f32,
+}
+
+/// The light on a shadow catcher that a sample sees.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CaughtLight {
+    /// Light with all objects; see [`Aov::ShadowCatcher`].
+    pub with: [f32; 3],
+    /// Light without those that are no catchers; see [`Aov::CatcherLight`].
+    pub without: [f32; 3],
 }
 
 /// Running sums over the samples of a rectangle of pixels, row-major, [`Layout::stride`] floats per pixel.
@@ -127,9 +138,24 @@ impl Tile {
         put(Aov::Position, &values.position);
         put(Aov::GeometricNormal, &values.geometric_normal);
         put(Aov::Uv, &values.uv);
+        put(Aov::Motion, &values.motion);
         for (aov, identity) in Aov::MATTES.into_iter().zip(values.identities) {
             if let Some(offset) = self.layout.offset(aov) {
                 matte::add(&mut pixel[offset..offset + matte::FLOATS], identity, values.weight);
+            }
+        }
+    }
+
+    /// Adds the light on a shadow catcher that a sample sees to pixel (x, y). Call it beside [`Self::add`], once per sample
+    /// that sees one.
+    pub fn add_caught(&mut self, x: u32, y: u32, light: &CaughtLight) {
+        let stride = self.layout.stride();
+        let start = self.rect.index(x, y) * stride;
+        let pixel = &mut self.sums[start..start + stride];
+        let [r, g, b] = light.with;
+        for (aov, values) in [(Aov::ShadowCatcher, &[r, g, b, 1.0][..]), (Aov::CatcherLight, &light.without)] {
+            if let Some(offset) = self.layout.offset(aov) {
+                pixel[offset..].iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
             }
         }
     }

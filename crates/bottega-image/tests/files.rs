@@ -124,9 +124,11 @@ fn an_exr_file_names_its_channels_as_the_field_does() {
             (0..3).flat_map(|rank| ["A", "B", "G", "R"].map(|channel| format!("Crypto{kind}0{rank}.{channel}")));
         ranks.collect::<Vec<_>>().join(" ")
     });
-    let others = "P.X P.Y P.Z R albedo.B albedo.G albedo.R cost depth.Z direct.B direct.G direct.R error \
+    let others = "P.X P.Y P.Z R albedo.B albedo.G albedo.R backward.u backward.v catcher_light.B catcher_light.G \
+                  catcher_light.R cost depth.Z direct.B direct.G direct.R error forward.u forward.v \
                   geometric_normal.X geometric_normal.Y geometric_normal.Z indirect.B indirect.G indirect.R \
-                  normal.X normal.Y normal.Z samples uv.U uv.V";
+                  normal.X normal.Y normal.Z samples shadow_catcher.A shadow_catcher.B shadow_catcher.G \
+                  shadow_catcher.R uv.U uv.V";
     assert_eq!(names.join(" "), format!("A B {} G {others}", mattes.join(" ")));
     let value = |name: &str, x: usize, y: usize| {
         let index = names.iter().position(|n| n == name).unwrap();

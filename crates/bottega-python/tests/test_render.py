@@ -19,8 +19,9 @@ SMALL: Any = {"spp": 4, "size": (40, 30), "exact": True}
 def test_layers_are_looks_into_one_memory(box: Path) -> None:
     picture = bottega.render(box, layers=["all"], **SMALL)
     assert picture.shape == (30, 40) and picture.crop == (0, 0, 40, 30) and picture.is_whole
-    first = ["position", "geometric-normal", "uv", "direct", "indirect", "crypto-object", "crypto-material", "crypto-asset"]
+    first = ["position", "geometric-normal", "uv", "direct", "indirect", "motion", "crypto-object", "crypto-material", "crypto-asset"]
     assert picture.layers == ["color", "alpha", "error", "samples", "albedo", "normal", "depth", "cost", *first]
+    assert (picture["motion"] == np.zeros((30, 40, 4))).all()
     assert picture["position"].shape == (30, 40, 3) and picture["uv"].shape == (30, 40, 2)
     assert picture["crypto-object"].shape == (30, 40, 16)
     assert np.allclose(picture["direct"] + picture["indirect"], picture.color, rtol=1e-4, atol=1e-5)
@@ -32,9 +33,9 @@ def test_layers_are_looks_into_one_memory(box: Path) -> None:
         assert not layer.flags.writeable
     assert (picture["samples"] == 4).all() and picture.color.mean() > 0.01
     lengths = np.linalg.norm(picture["normal"], axis=-1)
-    assert lengths.max() <= 1.001 and "normal" in picture and "motion" not in picture
+    assert lengths.max() <= 1.001 and "normal" in picture and "speed" not in picture
     with pytest.raises(KeyError, match="albedo"):
-        picture["motion"]
+        picture["speed"]
     with pytest.raises(ValueError):
         picture.color[0, 0, 0] = 1
 

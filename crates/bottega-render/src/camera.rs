@@ -3,6 +3,7 @@
 mod eyes;
 mod opening;
 mod panorama;
+mod place;
 
 use bottega_kernels::{MovingTransform, math};
 use bottega_scene::{Aperture, Camera, Clip, LensSystem, Panorama, Projection};

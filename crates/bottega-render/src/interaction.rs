@@ -20,6 +20,7 @@ use curve::CurveSurface;
 pub(crate) use emission::{emitted, emitted_by_sphere, material_of, shines};
 use mesh::{TriangleShape, derivatives, footprint, interpolate, lift_off_facets, tangent_at, uvs_at};
 pub(crate) use mesh::{request_triangle, request_vertices};
+pub(crate) use moving::place_at;
 pub(crate) use opacity::{opacity_at, opacity_of, opacity_of_sphere};
 pub use query::ASKS_AS_SHADOW;
 pub(crate) use query::{SurfaceQuery, is_there};

@@ -50,6 +50,7 @@ pub mod photon;
 pub mod sampler;
 pub mod survey;
 
+mod catchers;
 mod color;
 mod density;
 mod displacement;
@@ -78,6 +79,7 @@ mod wave_work;
 mod work;
 
 pub use bottega_kernels::Ray;
+pub use catchers::ShadowCatchers;
 pub use displacement::{DISPLACED_FACES_MAX, displace};
 pub use error::RenderError;
 pub use filter::Filter;

@@ -111,6 +111,9 @@ pub struct PathSettings {
     pub agents: AgentUse,
     /// Number of samples per pixel planned for the picture; the prepass learns longer for more samples.
     pub planned_samples: u32,
+    /// `true`: all paths have the middle of the shutter's time, so that nothing is blurred; motion vectors still span all
+    /// of it.
+    pub instant_shutter: bool,
     /// Photon mapping instead of path tracing, if set.
     pub photons: Option<PhotonSettings>,
     /// `true`: a trial decides for each zone of the picture whether paths or [`Self::photons`] render it; `false`: photons
@@ -279,6 +282,7 @@ impl Default for PathSettings {
             guiding: true,
             agents: AgentUse::ALL,
             planned_samples: 64,
+            instant_shutter: false,
             photons: None,
             tries_photons: false,
             technique_rules: 0,

@@ -87,6 +87,9 @@ impl Wave {
         if !layout.layers().is_empty() {
             return Some("light groups are kept by whole paths on processors");
         }
+        if layout.aovs().contains(Aov::ShadowCatcher) {
+            return Some("light on shadow catchers is traced by whole paths on processors");
+        }
         if prepared.moves() {
             return Some("something moves while the shutter is open, and its rays need a time");
         }

@@ -9,6 +9,7 @@ use bottega_scene::Spectrum;
 
 use crate::{
     ala::{Agent, AgentWork, SensorReadings, SensorWork},
+    catchers::ShadowCatchers,
     error::RenderError,
     integrator::{GroupBuffer, Integrator, Wanted, WantedSurface, Wave},
     lights::LightGroups,
@@ -74,6 +75,8 @@ pub struct BlockWork {
     /// Groups of light whose sums are kept apart, in the averaged layers of the tile; `None`: there are none. Photon
     /// mapping adds nothing to them.
     pub light_groups: Option<Arc<LightGroups>>,
+    /// Shadow catchers; `None`: there are none.
+    pub catchers: Option<Arc<ShadowCatchers>>,
 }
 
 /// A work unit that probes a block of pixels quickly, by unguided paths.
@@ -183,11 +186,12 @@ impl BlockWork {
     /// # Errors
     /// [`RenderError::EmptyPicture`]; with photons, [`RenderError::PhotonsInMedia`].
     pub fn perform(self) -> Result<BlockOutput, RenderError> {
-        let Self { scene, prepass, view, settings, mut tile, samples, light_groups } = self;
+        let Self { scene, prepass, view, settings, mut tile, samples, light_groups, catchers } = self;
         let layout = tile.layout();
         let wanted_surface = WantedSurface::by(layout);
         let wanted = Wanted::by(layout);
-        let integrator = Integrator::new(&scene, &prepass, &view, &settings, wanted)?;
+        let integrator =
+            Integrator::new(&scene, &prepass, &view, &settings, wanted)?.with_catchers(catchers.as_deref());
         match &integrator {
             Integrator::Paths(_) => {}
             Integrator::Photons(photons) => photons.cast(samples.clone()),
@@ -213,6 +217,12 @@ impl BlockWork {
                 let of_samples = group_sums.chunks_exact(groups.count());
                 let of_samples = some.iter().zip(of_samples);
                 of_samples.for_each(|(&(x, y, _), sums)| tile.add_layers(x, y, sums.iter().flat_map(Spectrum::as_ref)));
+            }
+            if catchers.is_some() {
+                let seen = some.iter().zip(&records).filter(|(_, record)| record.is_caught);
+                let seen: Vec<_> = seen.map(|(&sample, _)| sample).collect();
+                let caught = integrator.caught(&seen);
+                seen.iter().zip(&caught).for_each(|(&(x, y, _), light)| tile.add_caught(x, y, light));
             }
             if let Some(wanted) = wanted_surface {
                 let surfaces = integrator.surfaces(&some, wanted);

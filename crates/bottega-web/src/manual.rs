@@ -42,7 +42,7 @@ const PICTURES: &[(&str, &[u8])] = pictures! {
     "models/ala.png" "models/coat.png"
     "models/coated.png" "models/conductor.png" "models/dielectric.png" "models/environment.png" "models/film.png" "models/gloss.png" "models/hair.png" "models/matte.png"
     "models/measured.png" "models/medium.png" "models/path.png" "models/photon.png" "models/plastic.png" "models/principled.png" "models/punctual.png"
-    "models/sheen.png" "models/sphere.png" "models/surface.png" "models/varnish.png" "motion.jpg" "subsurface.jpg" "page-compare.webp"
+    "models/sheen.png" "models/sphere.png" "models/surface.png" "models/varnish.png" "motion.jpg" "motion-vectors.jpg" "shadow-catchers.jpg" "subsurface.jpg" "page-compare.webp"
     "page-importance.webp" "page-job.webp" "page-jobs.webp" "page-look-around.webp" "page-machines.webp" "page-messages.webp"
     "page-new-picture.webp" "page-picture.webp" "page-rules.webp" "volumes.jpg" "zones.png"
 };

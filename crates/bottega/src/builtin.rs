@@ -16,7 +16,7 @@ use crate::{
     plan::Plan,
     request::{Request, ViewOptions},
     session::Reporter,
-    settings::light_groups,
+    settings::{catchers, light_groups},
     text::shown,
 };
 
@@ -63,6 +63,14 @@ impl BuiltinPainter {
                 "choose --integrator path, or leave out the groups",
             ));
         }
+        let has_catchers = !plan.shadow_catchers.is_empty();
+        if has_catchers && has_photons {
+            return Err(Error::usage(
+                "photons and lighting agents know no shadow catchers (`film.shadow_catchers`)",
+                "choose --integrator path, or leave out the catchers",
+            ));
+        }
+        let (catchers, catcher_notes) = catchers(&plan.shadow_catchers, &subject.prepared);
         let (light_groups, group_notes) = light_groups(&plan.light_groups, &subject.prepared);
         // Make the engine, with rays as work units if that pays off
         let wavefront = wants_waves(&plan, &devices)
@@ -80,6 +88,7 @@ impl BuiltinPainter {
                 .with_urgency(plan.urgency)
                 .with_light_groups(light_groups.clone())
                 .with_technique_judge(plan.technique.clone().map(|rules| rules as Arc<dyn TechniqueJudge>))
+                .with_catchers(catchers.clone())
         };
         let mut made = engine(paths.planned_samples);
         // Only CPU threads learn guides, for a number of samples that must be estimated if the goal is a time.
@@ -87,6 +96,7 @@ impl BuiltinPainter {
             made = engine(samples_in_time(&plan, &made));
         }
         plan.notes.extend(group_notes);
+        plan.notes.extend(catcher_notes);
         let (name, notes) = (name(request, &subject, &plan), notes(&subject, &devices, &plan));
         Ok(Self { subject, engine: Arc::new(made), devices, plan, name, notes })
     }
@@ -189,6 +199,7 @@ fn name(request: &Request, subject: &LoadedScene, plan: &Plan) -> String {
         format!("env-strength={}", request.environment.strength),
         format!("aov={:?}", settings.layout.aovs().iter().collect::<Vec<_>>()),
         format!("light-groups={:?}", plan.light_groups),
+        format!("shadow-catchers={:?}", plan.shadow_catchers),
     ]
     .join("; ")
 }
@@ -204,10 +215,11 @@ fn notes(subject: &LoadedScene, devices: &DeviceSet, plan: &Plan) -> Vec<String>
         let refusal = Wave::refusal(&subject.prepared, &subject.view, &paths, &plan.job.layout);
         notes.extend(refusal.map(|why| format!("integrator.wavefront and boards have no effect here: {why}")));
     }
-    let learns_paths =
-        plan.paths.photons.is_none() && subject.prepared.can_learn(&subject.view, plan.paths.planned_samples);
+    let learns_paths = plan.paths.photons.is_none()
+        && plan.shadow_catchers.is_empty()
+        && subject.prepared.can_learn(&subject.view, plan.paths.planned_samples);
     if plan.wants_agents && !learns_paths {
-        let why = "--guide ala has no effect here: it needs path tracing without media and motion, at least 128 × 128 pixels, and at least 524288 samples over all pixels";
+        let why = "--guide ala has no effect here: it needs path tracing without media, motion and shadow catchers, at least 128 × 128 pixels, and at least 524288 samples over all pixels";
         notes.push(why.to_owned());
     }
     notes

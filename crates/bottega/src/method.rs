@@ -99,6 +99,7 @@ fn photons_refused(request: &Request, subject: &LoadedScene) -> Option<&'static 
         (subject.prepared.has_media(), "photons do not go through media"),
         (subject.prepared.moves(), "photons know no time"),
         (!request.film.light_groups.is_empty(), "photons do not keep the light of groups apart"),
+        (!request.film.shadow_catchers.is_empty(), "photons know no shadow catchers"),
         (request.film.layers.as_ref().is_some_and(has), "photons do not tell direct from indirect light"),
         (request.photons.progressive, "progressive photons cannot be mixed with paths"),
         (request.integrator.wavefront, "rays that are separate units have no photons"),

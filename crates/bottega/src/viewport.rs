@@ -71,6 +71,7 @@ fn as_viewed(request: &Request, has_denoiser: bool) -> Request {
     request.integrator.method = Some(IntegratorChoice::Path);
     (request.film.crop, request.film.layers, request.film.denoise) = (None, None, has_denoiser);
     request.film.light_groups.clear();
+    request.film.shadow_catchers.clear();
     if let Some([width, height]) = request.film.size {
         request.film.size = Some(fitted((width, height), VIEWPORT_PIXELS_MAX));
     }

@@ -30,6 +30,7 @@ const CHECKS: &[&[&str]] = &[
     &["farm_picture.py", "FOLDER"],
     &["agreement.py", "FOLDER"],
     &["light_groups.py", "FOLDER"],
+    &["shadow_catchers.py", "FOLDER"],
     &["stereo.py", "FOLDER"],
     &["edits.py", "100"],
 ];

@@ -66,6 +66,7 @@ pub(super) const FIELD_OPTIONS: &[FieldOption] = &[
     row("film.filter", "--filter", OptionForm::Plain),
     row("film.layers", "--aov", OptionForm::List),
     row("film.light_groups", "--light-group", OptionForm::PairLists),
+    row("film.shadow_catchers", "--shadow-catcher", OptionForm::Repeated),
     row("film.denoise", "--denoise", OptionForm::Switch),
     row("environment.light", "--env", OptionForm::Environment),
     row("environment.rotate", "--env-rotate", OptionForm::Plain),

@@ -73,13 +73,15 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "x0,y0,x1,y1", value_parser = parse_rect, help_heading = "Picture", help = help("film.crop"))]
     crop: Option<Rect>,
     /// Layers of the EXR file in addition to the color: names with commas between, `all` or `none`. The built-in engine has
-    /// albedo, normal, depth, samples, cost, position, geometric-normal, uv, direct, indirect, error, crypto-object,
+    /// albedo, normal, depth, samples, cost, position, geometric-normal, uv, direct, indirect, error, motion, crypto-object,
     /// crypto-material and crypto-asset, and makes none by default; other engines make those that the scene asks for. Two
     /// engines make only the layers that both have.
     #[arg(long, value_name = "LIST", help_heading = "Output")]
     aov: Option<LayerNames>,
     #[arg(long = "light-group", value_name = "NAME=PATTERN", value_parser = parse_light_group, help_heading = "Output", help = help("film.light_groups"))]
     light_groups: Vec<(String, String)>,
+    #[arg(long = "shadow-catcher", value_name = "PATTERN", help_heading = "Output", help = help("film.shadow_catchers"))]
+    shadow_catchers: Vec<String>,
     #[arg(long, help_heading = "Output", help = help("film.denoise"))]
     denoise: bool,
     #[arg(long, value_name = "STOPS", allow_negative_numbers = true, help_heading = "Output", help = help("output.exposure"))]
@@ -202,6 +204,9 @@ impl RenderArgs {
         }
         for (name, pattern) in &self.light_groups {
             request.film.light_groups.entry(name.clone()).or_default().push(pattern.clone());
+        }
+        if !self.shadow_catchers.is_empty() {
+            request.film.shadow_catchers.clone_from(&self.shadow_catchers);
         }
         request.film.denoise |= self.denoise;
         set(&mut request.goal.samples, self.spp);

@@ -220,7 +220,7 @@ mod tests {
             tone in (choice::<ToneCurve>(), choice::<PngEncoding>(), -40.0f32..40.0),
             file in (choice::<Compression>(), choice::<ColorSpace>(), proptest::bool::ANY),
             groups in proptest::collection::btree_map("[a-z=]{1,5}", proptest::collection::vec(word(), 1..3), 0..3),
-            farm in (1u32..1000, option::of(1u32..=3)),
+            catchers in proptest::collection::vec(word(), 0..3), farm in (1u32..1000, option::of(1u32..=3)),
         ) -> Request {
             (request.goal.samples, request.goal.error) = (samples, error);
             (request.integrator.method, request.integrator.max_depth, request.seed) = (method, depth, seed);
@@ -244,7 +244,7 @@ mod tests {
             }
             (request.output.tonemap, request.output.encoding, request.output.exposure) = tone;
             (request.output.compression, request.output.colorspace, request.output.parts) = file;
-            request.film.light_groups = groups;
+            (request.film.light_groups, request.film.shadow_catchers) = (groups, catchers);
             (request.farm.priority, request.farm.verify) = farm;
             request
         }

@@ -70,6 +70,58 @@ fn a_light_group_without_lights_names_the_lights_there_are() {
 }
 
 #[test]
+fn light_on_shadow_catchers_depends_on_nobody_who_paints() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [one, other, stopped] = ["one.exr", "other.exr", "stopped.exr"].map(|name| folder.path().join(name));
+    let words = |output: &'_ Path| -> Vec<String> {
+        let usual = ["render", "cornell-box.glb", "-o", text(output), "--size", "24x18", "--spp", "300"];
+        let more = ["--set=work.zones=12", "--shadow-catcher", "cbox*"];
+        usual.into_iter().chain(more).map(str::to_owned).collect()
+    };
+    let with = |words: &[String], more: &[&str]| {
+        let words: Vec<&str> = words.iter().map(String::as_str).chain(more.iter().copied()).collect();
+        succeed(&words);
+    };
+    let bits = |path: &Path| -> Vec<u32> {
+        let layers = ["shadow_catcher.R", "shadow_catcher.A", "catcher_light.G", "A", "R"].map(str::to_owned);
+        let planes = read_channels(path, ReadLimits::default(), &layers).expect("a picture").1;
+        planes.into_iter().flat_map(|plane| plane.expect("a layer")).map(f32::to_bits).collect()
+    };
+    with(&words(&one), &["--quiet", "--threads", "1", "--agents", "1"]);
+    with(&words(&other), &["--quiet", "--threads", "2", "--agents", "3", "--set", "work.zones=7"]);
+    let of_one = bits(&one);
+    assert_eq!(of_one, bits(&other));
+    let mean = |plane: &[u32]| plane.iter().map(|&bits| f32::from_bits(bits)).sum::<f32>() / plane.len() as f32;
+    let means: Vec<f32> = of_one.chunks(24 * 18).map(mean).collect();
+    assert!(means[0] < 0.99 && means[1] > 0.2 && means[2] > 0.0 && means[3] < 1.0, "{means:?}");
+    // An interrupted picture goes on to the same bits
+    let long = words(&stopped);
+    let words: Vec<&str> = long.iter().map(String::as_str).collect();
+    assert_eq!(interrupt(&words).code(), Some(130), "it was stopped before its end");
+    with(&long, &["--quiet", "--resume"]);
+    assert_eq!(bits(&stopped), of_one);
+}
+
+#[test]
+fn shadow_catchers_that_cannot_be_are_refused_by_name() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let picture = folder.path().join("a.exr");
+    let small = ["render", "cornell-box.glb", "-o", text(&picture), "--size", "8x6", "--spp", "1"];
+    let output = run(&[&small[..], &["--shadow-catcher", "sofa"]].concat());
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success() && said.contains("named `sofa`") && said.contains("the objects are "), "{said}");
+    for (wrong, expected) in [
+        (["--shadow-catcher=cbox*", "--integrator", "photon"], "--integrator path"),
+        (["--shadow-catcher=cbox*", "--engine", "mitsuba"], "exclude each other"),
+        (["--quiet", "--aov", "shadow-catcher"], "it comes with --shadow-catcher"),
+    ] {
+        let output = run(&[&small[..], &wrong].concat());
+        let said = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ").replace("\n      ", " ");
+        assert!(output.status.code() == Some(2) && said.contains(expected), "{wrong:?}: {said}");
+    }
+}
+
+#[test]
 fn files_have_the_color_space_compression_and_parts_that_are_asked_for() {
     let folder = tempfile::tempdir().expect("a folder");
     let paint = |name: &str, more: &[&str]| {

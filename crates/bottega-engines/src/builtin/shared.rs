@@ -6,7 +6,7 @@ use std::sync::{
 };
 
 use bottega_image::{Layout, Tile};
-use bottega_render::{LightGroups, PathSettings, PreparedScene, Prepass, TechniqueJudge, View};
+use bottega_render::{LightGroups, PathSettings, PreparedScene, Prepass, ShadowCatchers, TechniqueJudge, View};
 
 /// The name of the built-in engine.
 pub(crate) const NAME: &str = "builtin";
@@ -41,6 +41,8 @@ pub(super) struct Shared {
     pub(super) light_groups: Option<Arc<LightGroups>>,
     /// The rules that choose between paths and photons, for a picture that tries photons.
     pub(super) technique_judge: Option<Arc<dyn TechniqueJudge>>,
+    /// Shadow catchers.
+    pub(super) catchers: Option<Arc<ShadowCatchers>>,
     /// The number of devices, without the CPU.
     pub(super) devices: usize,
     pub(super) cancelled: AtomicBool,

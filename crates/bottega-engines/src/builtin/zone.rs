@@ -197,6 +197,7 @@ impl<'a> ZonePainter<'a> {
             tile,
             samples: block.next_sample..block.next_sample + block.in_unit,
             light_groups: self.shared.light_groups.clone(),
+            catchers: self.shared.catchers.clone(),
         });
         block.next_sample += block.in_unit;
         self.under_way[ticket] = Some(block);

@@ -59,7 +59,7 @@ pub enum WireError {
     #[error("the set of AOVs {bits:#010b} has one that does not exist")]
     Aovs {
         /// The set, one bit per AOV.
-        bits: u16,
+        bits: u32,
     },
     /// The layers are invalid.
     #[error("the layers of a tile are unsound")]

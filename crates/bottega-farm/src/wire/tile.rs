@@ -61,7 +61,7 @@ pub(crate) fn read_tile(bytes: &[u8]) -> Result<Tile, WireError> {
 struct TileHead<'a> {
     rect: RectRecord,
     /// One bit per AOV.
-    aovs: u16,
+    aovs: u32,
     #[serde(borrow)]
     layers: Vec<LayerRecord<'a>>,
 }

@@ -78,6 +78,7 @@ fn paint(
         tile,
         samples,
         light_groups: None,
+        catchers: None,
     };
     let processor = block.clone().perform().unwrap().tile;
     let outcome = worker.perform(vec![RenderWork::Block(block)]).remove(0);
@@ -237,6 +238,7 @@ fn a_lost_device_returns_its_blocks_and_is_opened_again() {
         tile: Tile::new(Rect::new(x, 0, x + 8, 8), layout()),
         samples: 0..2,
         light_groups: None,
+        catchers: None,
     };
     worker.device().unwrap().lose();
     let outcomes = worker.perform(vec![RenderWork::Block(block(0)), RenderWork::Block(block(8))]);
@@ -266,6 +268,7 @@ fn unsupported_units_are_returned_and_the_others_are_done() {
             tile,
             samples,
             light_groups: None,
+            catchers: None,
         })
     };
     let costly = Layout::new(AovSet::NONE.with(Aov::Cost));

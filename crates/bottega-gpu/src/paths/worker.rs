@@ -176,6 +176,7 @@ impl PathWorker {
             tile: Tile::new(Rect::of_size(1, 1), Layout::new(AovSet::NONE)),
             samples: 0..1,
             light_groups: None,
+            catchers: None,
         };
         let kind = BatchKind::of(&block);
         let batch = BlockBatch::new(&kind, &[&block])?;

@@ -242,6 +242,13 @@ class Fields(TypedDict, total=False):
     `environment`; `*` stands for any characters, `?` for one.
     """
 
+    shadow_catchers: Sequence[str]
+    """`film.shadow_catchers`: Shadow catchers: objects that stand for those of a photographed plate,
+    by patterns as for light groups, of the name of an object, mesh or material. The picture does
+    not show them, nor the sky. Its layer `shadow-catcher` has the share of their light that the
+    other objects leave to them, and its alpha grows by what they lack.
+    """
+
     denoise: bool
     """`film.denoise`: True to denoise the picture with Intel's Open Image Denoise, which must be
     installed; `BOTTEGA_OIDN` names its file or folder. The EXR file then has the layers albedo,
@@ -336,6 +343,7 @@ KEYWORDS: Mapping[str, str] = {'spp': 'goal.samples',
  'filter': 'film.filter',
  'layers': 'film.layers',
  'light_groups': 'film.light_groups',
+ 'shadow_catchers': 'film.shadow_catchers',
  'denoise': 'film.denoise',
  'camera': 'view.camera',
  'light': 'environment.light',
@@ -470,6 +478,12 @@ class FilmOptions(Section):
     that comes from the lights that one of its patterns matches. A pattern is the name of a light,
     or of the object, mesh or material of a surface that glows, or `environment`; `*` stands for any
     characters, `?` for one.
+    """
+    shadow_catchers: Sequence[str] = field(default_factory=lambda: [])
+    """Shadow catchers: objects that stand for those of a photographed plate, by patterns as for light
+    groups, of the name of an object, mesh or material. The picture does not show them, nor the sky.
+    Its layer `shadow-catcher` has the share of their light that the other objects leave to them,
+    and its alpha grows by what they lack.
     """
     size: tuple[int, int] | None = None
     """Width and height in pixels; none: those of the scene file, or 720 high with the aspect ratio of
@@ -748,6 +762,11 @@ class ViewOptions(Section):
     """Full angle of the circle of a fisheye, in degrees, up to 360."""
     focus_distance: float | None = None
     """Focus distance, in scene units."""
+    instant_shutter: bool = False
+    """True to show everything as it is in the middle of the shutter's time, so that nothing is
+    blurred. The layer `motion` still has the movement over all of the shutter's time, to blur the
+    picture in compositing.
+    """
     lens_radius: float | None = None
     """Radius of the lens, in scene units; 0: everything is sharp."""
     pose: CameraPose | None = None

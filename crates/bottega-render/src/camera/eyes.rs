@@ -60,6 +60,11 @@ impl Eyes {
         }
     }
 
+    /// Returns how far a ray of the eye leans towards the axis, per unit of depth.
+    pub(super) fn slant(&self, offset: f32) -> f32 {
+        if self.convergence.is_finite() { offset / self.convergence } else { 0.0 }
+    }
+
     /// Moves the origin of a ray to an eye. Both rays of a direction meet at the distance of convergence.
     ///
     /// - `direction`: of any length; returned with unit length.

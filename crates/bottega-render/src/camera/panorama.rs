@@ -58,6 +58,25 @@ fn direction_of_face(face: u32, place: Vec2) -> Vec3 {
     }
 }
 
+/// Returns the position of a direction in the picture of a cube, as if the face at `column` went on beyond its edges.
+/// `None`: it is behind that face.
+///
+/// - `column`: from the left edge of the picture, from 0 to 1.
+pub(super) fn place_on_face(column: f32, direction: Vec3) -> Option<Vec2> {
+    let Vec3 { x, y, z } = direction;
+    let face = (column * FACES).floor().clamp(0.0, FACES - 1.0);
+    let (ahead, right, up) = match face as u32 {
+        0 => (x, z, y),
+        1 => (-x, -z, y),
+        2 => (y, x, z),
+        3 => (-y, x, -z),
+        4 => (z, -x, y),
+        _ => (-z, x, y),
+    };
+    let place = Vec2::new(0.5 + 0.5 * right / ahead, 0.5 - 0.5 * up / ahead);
+    (ahead > 0.0).then(|| Vec2::new((face + place.x) / FACES, place.y))
+}
+
 /// A fisheye for one picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Fisheye {
@@ -80,6 +99,11 @@ impl Fisheye {
     /// Returns the angle between the axis and the rim, in radians.
     pub(super) fn rim(&self) -> f32 {
         self.rim
+    }
+
+    /// Returns the mapping from angles to the film.
+    pub(super) fn mapping(&self) -> FisheyeMapping {
+        self.mapping
     }
 
     /// Returns the direction at a position on the film, of unit length. `None`: it lies beyond the rim.

@@ -1,7 +1,9 @@
 //! Integrators: they estimate the radiance of a pixel's samples.
 
 mod by_zone;
+mod caught;
 mod group_sums;
+mod movement;
 mod path;
 mod photon;
 mod planned;

@@ -42,6 +42,8 @@ pub(crate) struct PathRecord {
     direct: Option<f32>,
     /// `true`: the direct light is in the values; `false`: all light is direct.
     is_split: bool,
+    /// `true`: the camera ray met a shadow catcher.
+    pub(crate) is_caught: bool,
     /// `true`: the radiance was not finite, and counts as 0.
     pub(crate) is_dropped: bool,
 }

@@ -3,7 +3,7 @@
 //! The camera ray of a sample is traced once more, so pictures without such layers do not pay for them, and all
 //! integrators share the result: the random decisions of a path depend only on the sample.
 
-use bottega_image::{Layout, SurfaceValues};
+use bottega_image::{Aov, Layout, SurfaceValues};
 use bottega_kernels::{
     Ray,
     compiled::{self, Task},
@@ -17,21 +17,25 @@ use crate::{interaction::Interaction, prepare::PreparedScene, sampler::PixelSamp
 pub(crate) struct WantedSurface {
     /// `true`: identities for Cryptomattes, too.
     identities: bool,
+    /// `true`: motion vectors, too.
+    pub(super) motion: bool,
 }
 
 impl WantedSurface {
     /// Returns what the layers of a picture need; `None`: nothing.
     pub(crate) fn by(layout: &Layout) -> Option<Self> {
-        layout.has_surfaces().then(|| Self { identities: layout.has_mattes() })
+        let wanted = || Self { identities: layout.has_mattes(), motion: layout.aovs().contains(Aov::Motion) };
+        layout.has_surfaces().then(wanted)
     }
 
-    /// Returns the values of a surface, without the weight of the sample.
+    /// Returns the values of a surface, without the weight of the sample and its motion.
     pub(super) fn values(self, prepared: &PreparedScene, point: &Interaction, time: f32) -> SurfaceValues {
         let identities = if self.identities { prepared.identities().of(&point.hit, point.material) } else { [0.0; 3] };
         SurfaceValues {
             position: point.p.to_array(),
             geometric_normal: point.facing_ng().to_array(),
             uv: point.first_uv(prepared, time).to_array(),
+            motion: [0.0; 4],
             identities,
             weight: 0.0,
         }

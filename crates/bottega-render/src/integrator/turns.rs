@@ -65,7 +65,7 @@ impl Task for SampleBatch<'_> {
         if integrator.goes_alone() {
             records.extend(samples.iter().map(|&(x, y, sample)| {
                 let groups = groups.as_mut().and_then(Iterator::next);
-                integrator.trace_volume(x, y, sample, groups)
+                integrator.trace_volume(x, y, sample, integrator.catcher_role(), groups)
             }));
             return;
         }

@@ -15,7 +15,7 @@ mod state;
 mod subsurface;
 
 use bottega_image::SurfaceValues;
-use bottega_kernels::Ray;
+use bottega_kernels::{Hit, Ray};
 use bottega_scene::{Spectrum, Surface, Visibility};
 use glam::Vec3;
 
@@ -29,6 +29,7 @@ use super::{
 use crate::{
     bsdf::{BsdfAt, BsdfSample, LobeFlags},
     camera::CameraRay,
+    catchers::CatcherRole,
     density::SolidAnglePdf,
     interaction::Interaction,
     lights::{Receiver, Segment},
@@ -40,7 +41,7 @@ use crate::{
     vertex::{LeavingDirection, SurfaceVertex, bsdf_at_vertex, entered_bsdf_at_vertex, leaving_direction, receiver_at},
 };
 use passage::{BOUNDARIES_MAX, STEPS, numbers};
-use state::{ArrivingLight, MediumPath, PreviousVertex, SegmentPoint};
+use state::{ArrivingLight, FirstSurface, MediumPath, PreviousVertex, SegmentPoint};
 
 /// Cost of one random number of tracking with its grid lookup, in traversal steps.
 const TRACKING_STEPS: f32 = 2.0;
@@ -61,20 +62,37 @@ fn event_of(sample: &BsdfSample) -> Visibility {
 impl PathIntegrator<'_> {
     /// Traces one sample of a scene with media or motion.
     ///
+    /// - `catchers`: the part that shadow catchers play.
     /// - `groups`: receives its light by groups of lights, if it is wanted.
-    pub(super) fn trace_volume(&self, x: u32, y: u32, sample_index: u32, groups: Option<GroupSums<'_>>) -> PathRecord {
+    pub(super) fn trace_volume(
+        &self,
+        x: u32,
+        y: u32,
+        sample_index: u32,
+        catchers: CatcherRole<'_>,
+        groups: Option<GroupSums<'_>>,
+    ) -> PathRecord {
         let sampler = PixelSampler::new(self.settings().seed, x, y, sample_index);
         let time = self.time_of(&sampler, y);
         let (ray, factor) = self.camera_ray_at(&sampler, x, y, time);
-        let mut path = MediumPath { groups, ..begin(self, sampler, &ray, time) };
+        let mut path = MediumPath { catchers, groups, ..begin(self, sampler, &ray, time) };
         while path.advance() {}
         path.finish(factor)
+    }
+
+    /// Returns the part that shadow catchers play for paths of the picture.
+    pub(super) fn catcher_role(&self) -> CatcherRole<'_> {
+        self.catchers().map_or(CatcherRole::Objects, CatcherRole::Unseen)
     }
 
     /// Returns the time of a path of a row; 0 if nothing moves.
     fn time_of(&self, sampler: &PixelSampler, y: u32) -> f32 {
         let motion = self.prepared().motion();
-        if motion.moves() { self.time_of_row(motion.time(sampler.quad(DimensionSet::TIME)[0]), y) } else { 0.0 }
+        if !motion.moves() {
+            return 0.0;
+        }
+        let u = if self.settings().instant_shutter { 0.5 } else { sampler.quad(DimensionSet::TIME)[0] };
+        self.time_of_row(motion.time(u), y)
     }
 
     /// Returns the first surface, or the first scattering in a medium, of a sample that [`Self::trace_volume`] traces: it
@@ -83,10 +101,15 @@ impl PathIntegrator<'_> {
         let sampler = PixelSampler::new(self.settings().seed, x, y, sample_index);
         let time = self.time_of(&sampler, y);
         let (ray, weight) = self.camera_ray_at(&sampler, x, y, time);
-        let mut path = begin(self, sampler, &ray, time);
+        let mut path = MediumPath { catchers: self.catcher_role(), ..begin(self, sampler, &ray, time) };
         path.wants_surface = Some(wanted);
         while path.surface.is_none() && path.depth == 0 && path.advance() {}
-        SurfaceValues { weight, ..path.surface.unwrap_or_default() }
+        let Some(FirstSurface { values, hit }) = path.surface else {
+            return SurfaceValues { weight, ..SurfaceValues::default() };
+        };
+        let motion =
+            if wanted.motion { self.motion_vectors(values.position.into(), &hit, time, (x, y)) } else { [0.0; 4] };
+        SurfaceValues { weight, motion, ..values }
     }
 }
 
@@ -113,6 +136,7 @@ fn begin<'a>(integrator: &PathIntegrator<'a>, sampler: PixelSampler, ray: &Camer
         direction: ray.direction,
         cone: ray.cone,
         hides_emitters: integrator.hides_emitters(),
+        catchers: CatcherRole::Objects,
         wants_surface: None,
         surface: None,
         previous: PreviousVertex { receiver: Receiver { p: ray.origin, n: Vec3::ZERO }, pdf: None, along: None },
@@ -136,7 +160,8 @@ impl MediumPath<'_> {
         self.segment += 1;
         let cone = self.cone.at(hit.t);
         let interaction = || Interaction::at(prepared, &hit, self.origin, self.direction, cone, self.time);
-        let point = hit.is_some().then(interaction);
+        let is_caught = self.depth == 0 && self.catchers.hides(prepared, &hit);
+        let point = (hit.is_some() && !is_caught).then(interaction);
         // Compute the emission at the end of the segment
         let radiance = match &point {
             Some(point) => self.emission(point),
@@ -162,7 +187,10 @@ impl MediumPath<'_> {
         if self.depth == 1 && self.wants_cost {
             self.record.mark_direct(self.radiance);
         }
-        let Some(point) = point else { return false };
+        let Some(point) = point else {
+            self.record.is_caught = is_caught;
+            return false;
+        };
         // Continue at the surface, or through a boundary without one
         self.cone = cone;
         if self.throughput.max_element() <= 0.0 {
@@ -247,7 +275,8 @@ impl MediumPath<'_> {
         self.record.vertex_count += 1;
         self.record_first(distance, Vec3::ZERO);
         if self.wants_surface.is_some() && self.surface.is_none() {
-            self.surface = Some(SurfaceValues { position: p.to_array(), ..SurfaceValues::default() });
+            let values = SurfaceValues { position: p.to_array(), ..SurfaceValues::default() };
+            self.surface = Some(FirstSurface { values, hit: Hit::NONE });
         }
         self.record.record_albedo(&mut self.wants_albedo, albedo);
         // Sample lights from there
@@ -371,7 +400,8 @@ impl MediumPath<'_> {
         if let Some(wanted) = self.wants_surface
             && self.surface.is_none()
         {
-            self.surface = Some(wanted.values(self.prepared, point, self.time));
+            let values = wanted.values(self.prepared, point, self.time);
+            self.surface = Some(FirstSurface { values, hit: point.hit });
         }
     }
 

@@ -1,4 +1,4 @@
-//! Surface interactions at a time.
+//! Surface interactions at a time, and where their points are at others.
 
 use bottega_kernels::Hit;
 use glam::Vec3;
@@ -44,4 +44,31 @@ impl Interaction {
         let pose = TrianglePose { world_from_object, world_from_normal, scale, corners, normals: || normals };
         Self::on_triangle(surfaces, &pose, hit, ray.1, cone)
     }
+}
+
+/// Returns where the point of a hit is at another time of the shutter. A point of a surface that stands still is `p` at all
+/// times.
+///
+/// - `p`: the point at the time of the ray that hit it, world space.
+/// - `times`: the time of that ray, and the other time, from 0 to 1.
+pub(crate) fn place_at(surfaces: &Surfaces, hit: &Hit, p: Vec3, [time, other]: [f32; 2]) -> Vec3 {
+    if let Some(index) = hit.sphere() {
+        let (Some(sphere), Some(later)) = (surfaces.moved_sphere(index, time), surfaces.moved_sphere(index, other))
+        else {
+            return p;
+        };
+        let n = sphere.world_from_object.inverse() * ((p - sphere.center) / sphere.radius);
+        return later.center + later.world_from_object * n * later.radius;
+    }
+    if !surfaces.is_moving(hit.instance) {
+        return p;
+    }
+    let world_from_object = surfaces.world_from_object(hit.instance, other);
+    if surfaces.mesh(hit.instance).curves.is_some() {
+        // Curves move with their instance alone
+        let local = surfaces.world_from_object(hit.instance, time).inverse().transform_point3(p);
+        return world_from_object.transform_point3(local);
+    }
+    let [p0, p1, p2] = surfaces.corners(hit.instance, hit.primitive, other);
+    world_from_object.transform_point3(p0 + (p1 - p0) * hit.u + (p2 - p0) * hit.v)
 }

@@ -344,7 +344,7 @@ pub(super) fn latitude_longitude(direction: Vec3) -> Vec2 {
 
 /// Returns the position of a direction on an equal-area picture (Clarberg 2008): +z is the centre, the lower hemisphere
 /// is folded into the corners.
-pub(super) fn square_of(direction: Vec3) -> Vec2 {
+pub(crate) fn square_of(direction: Vec3) -> Vec2 {
     let flat = direction.truncate().abs();
     let radius = (1.0 - direction.z.abs()).max(0.0).sqrt();
     let angle = if flat == Vec2::ZERO { 0.0 } else { math::atan2(flat.y, flat.x) * FRAC_2_PI };

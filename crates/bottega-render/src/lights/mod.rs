@@ -40,7 +40,7 @@ use bounds::LightBounds;
 pub(crate) use choice::{Choice, NUMBERS as CHOICE_NUMBERS, RequestedLight};
 pub(crate) use distribution::{Bilinear, Cells};
 pub(crate) use emission::{AimCone, Emission, EmissionPlan, EmittedPhoton};
-pub(crate) use environment::{EnvironmentLight, EnvironmentRows, EnvironmentTable, direction_of_square};
+pub(crate) use environment::{EnvironmentLight, EnvironmentRows, EnvironmentTable, direction_of_square, square_of};
 pub(crate) use far::FarLight;
 pub use groups::LightGroups;
 pub(crate) use panel::{Grid, Panel, PanelPart, PanelShape};

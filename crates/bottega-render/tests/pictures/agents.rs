@@ -32,6 +32,7 @@ fn painted(scene: &Arc<PreparedScene>, oracle: Oracle, decides_shadows: bool) ->
         tile,
         samples: 0..SAMPLES,
         light_groups: None,
+        catchers: None,
     };
     let tile = work.perform().expect("a picture").tile;
     let mean = |x: u32, y: u32| [0, 1, 2].map(|channel| tile.pixel(x, y)[channel] / SAMPLES as f32);

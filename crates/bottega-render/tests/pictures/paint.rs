@@ -61,7 +61,8 @@ fn paint_once(
         let view = View::of_scene(prepared.scene(), 0, width, height).expect("a camera");
         let (scene, prepass, settings) = (Arc::clone(prepared), Arc::clone(prepass), Arc::clone(settings));
         let tile = Tile::new(*rect, layout.clone());
-        let work = BlockWork { scene, prepass, view, settings, tile, samples: 0..samples, light_groups: None };
+        let work =
+            BlockWork { scene, prepass, view, settings, tile, samples: 0..samples, light_groups: None, catchers: None };
         work.perform().expect("a picture").tile
     };
     let paint_every = |first: usize| bands.iter().skip(first).step_by(THREADS as usize).map(paint_band).collect();

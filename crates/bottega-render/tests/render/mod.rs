@@ -2,6 +2,7 @@
 
 mod agents;
 mod cameras;
+mod catchers;
 mod determinism;
 mod furnace;
 mod guiding;
@@ -14,6 +15,7 @@ mod lookouts;
 mod media;
 mod mitsuba;
 mod motion;
+mod motion_vectors;
 mod no_negative_light;
 mod pbrt;
 mod photon_options;

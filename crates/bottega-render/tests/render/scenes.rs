@@ -122,7 +122,16 @@ impl Subject {
     /// The work of rendering a picture of the scene.
     pub(crate) fn block(&self, view: &View, settings: PathSettings, tile: Tile, samples: Range<u32>) -> BlockWork {
         let (scene, prepass, view) = (Arc::clone(&self.scene), Arc::clone(&self.prepass), view.clone());
-        BlockWork { scene, prepass, view, settings: Arc::new(settings), tile, samples, light_groups: None }
+        BlockWork {
+            scene,
+            prepass,
+            view,
+            settings: Arc::new(settings),
+            tile,
+            samples,
+            light_groups: None,
+            catchers: None,
+        }
     }
 }
 

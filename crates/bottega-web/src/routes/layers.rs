@@ -85,6 +85,7 @@ fn word(kind: LayerKind) -> &'static str {
     match kind {
         LayerKind::Color => "color",
         LayerKind::Direction => "direction",
+        LayerKind::Vector => "vector",
         LayerKind::Number => "number",
         LayerKind::Matte => "matte",
     }

@@ -252,6 +252,7 @@ impl Subject {
                     tile: Tile::new(rect, Layout::new(AovSet::NONE)),
                     samples: 0..1 << (n % 3 * 2),
                     light_groups: None,
+                    catchers: None,
                 })
             }
         }

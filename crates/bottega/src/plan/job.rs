@@ -2,7 +2,7 @@
 
 use bottega_engines::Tunables;
 use bottega_farm::{Expert, JobSettings};
-use bottega_image::{Layout, Rect};
+use bottega_image::{Aov, Layout, Rect};
 
 use crate::{
     devices::threads,
@@ -43,6 +43,8 @@ pub(super) fn settings(
     let samples =
         goal.samples.or(hinted).unwrap_or_else(|| default_sample_limit(request, DEFAULT_SAMPLES)).clamp(1, SAMPLES_MAX);
     let aovs = own_layers(request.film.layers.as_deref(), request.film.denoise)?;
+    let catchers = if request.film.shadow_catchers.is_empty() { &[][..] } else { &Aov::CATCHERS };
+    let aovs = aovs.iter().chain(catchers.iter().copied()).collect();
     let layout = Layout::with_layers(aovs, group_layers(&request.film.light_groups))
         .map_err(|error| Error::usage(format!("film.light_groups: {error}"), "rename the group"))?;
     Ok(JobSettings {

@@ -10,7 +10,7 @@ use std::{collections::BTreeMap, num::NonZeroU32, sync::Arc};
 
 use bottega_engines::Urgency;
 use bottega_farm::{Goal, JobSettings};
-use bottega_render::PathSettings;
+use bottega_render::{AgentUse, PathSettings};
 
 pub use self::part::PicturePart;
 pub(crate) use self::{
@@ -49,8 +49,10 @@ pub struct Plan {
     pub bin: Option<NonZeroU32>,
     /// The urgency of the picture among all pictures that this process renders.
     pub urgency: Urgency,
-    /// Warnings about the rules and the groups of lights.
+    /// Warnings about the rules, groups of lights and shadow catchers.
     pub notes: Vec<String>,
+    /// Patterns of shadow catchers.
+    pub shadow_catchers: Vec<String>,
     /// Groups of lights by name, with the patterns of their lights.
     pub light_groups: BTreeMap<String, Vec<String>>,
     /// True if the request asks for rays as work units of their own.
@@ -79,16 +81,18 @@ impl Plan {
         let settings = job::settings(request, scene, rules.experts, max_depth)?;
         let agents = part.agents().unwrap_or(settings.agents);
         let job = JobSettings { goal: part.goal(request), engine_choice: rules.choice, agents, ..settings };
-        // Choose depth, filter and guiding of paths
+        // Choose depth, filter and guiding of paths; paths that may meet shadow catchers have no guide
+        let has_catchers = !request.film.shadow_catchers.is_empty();
         let paths = PathSettings {
             seed: request.seed,
             max_depth,
             light_samples: request.integrator.light_samples,
             filter: filter(request, scene),
             sample_max: scene.hints.sample_max.unwrap_or(f32::INFINITY),
-            guiding: directions(&request.guide),
-            agents: guide_agents(&request.guide),
+            guiding: directions(&request.guide) && !has_catchers,
+            agents: if has_catchers { AgentUse::default() } else { guide_agents(&request.guide) },
             planned_samples: planned_samples(&job),
+            instant_shutter: request.view.instant_shutter,
             photons: method.photons,
             tries_photons: method.integrator == IntegratorChoice::Auto,
             technique_rules: rules.technique.as_ref().map_or(0, TechniqueChoice::digest),
@@ -108,6 +112,7 @@ impl Plan {
             bin: request.devices.bin.and_then(NonZeroU32::new),
             urgency: part.urgency(request),
             notes: rules.notes,
+            shadow_catchers: request.film.shadow_catchers.clone(),
             light_groups: request.film.light_groups.clone(),
             wants_waves: request.integrator.wavefront,
             wants_agents: asks_for_agents(&request.guide),

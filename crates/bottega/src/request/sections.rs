@@ -271,6 +271,9 @@ sections! {
         /// Share of the shutter's time for which each row is exposed; the rows are exposed one after another, from the upper
         /// edge down. None: all rows at the same time.
         rolling_shutter: Option<f32> = None,
+        /// True to show everything as it is in the middle of the shutter's time, so that nothing is blurred. The layer `motion`
+        /// still has the movement over all of the shutter's time, to blur the picture in compositing.
+        instant_shutter: bool = false,
     }
 
     /// Size, crop, pixel filter and layers of the picture.
@@ -288,6 +291,10 @@ sections! {
         /// the lights that one of its patterns matches. A pattern is the name of a light, or of the object, mesh or material
         /// of a surface that glows, or `environment`; `*` stands for any characters, `?` for one.
         light_groups: BTreeMap<String, Vec<String>> = BTreeMap::new(),
+        /// Shadow catchers: objects that stand for those of a photographed plate, by patterns as for light groups, of the name of
+        /// an object, mesh or material. The picture does not show them, nor the sky. Its layer `shadow-catcher` has the share of
+        /// their light that the other objects leave to them, and its alpha grows by what they lack.
+        shadow_catchers: Vec<String> = Vec::new(),
         /// True to denoise the picture with Intel's Open Image Denoise, which must be installed; `BOTTEGA_OIDN` names its file or
         /// folder. The EXR file then has the layers albedo, normal and noisy.
         denoise: bool = false,

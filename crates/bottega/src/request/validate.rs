@@ -105,6 +105,8 @@ impl Request {
             return Err(InvalidField::new("integrator.rules", "given", "it needs --integrator auto, or leave it out"));
         }
         not_both("film.light_groups", !self.film.light_groups.is_empty(), "engine.names", !self.engine.is_builtin())?;
+        let has_catchers = !self.film.shadow_catchers.is_empty();
+        not_both("film.shadow_catchers", has_catchers, "engine.names", !self.engine.is_builtin())?;
         self.validate_strangers()?;
         self.validate_frames()
     }
@@ -132,6 +134,7 @@ impl Request {
         let excluded = [
             ("film.layers", film.layers.as_ref().is_some_and(|layers| !layers.is_empty())),
             ("film.light_groups", !film.light_groups.is_empty()),
+            ("film.shadow_catchers", !film.shadow_catchers.is_empty()),
             ("film.denoise", film.denoise),
             ("goal.error", goal.error.is_some()),
             ("goal.time", goal.time.is_some()),
@@ -302,6 +305,9 @@ impl FilmOptions {
                 format!("{x0},{y0},{x1},{y1}"),
                 "x0 < x1 and y0 < y1 are needed; x1 and y1 lie one past the part",
             )),
+            _ if self.shadow_catchers.iter().any(String::is_empty) => {
+                Err(InvalidField::new("film.shadow_catchers", "an empty pattern", "each pattern names objects"))
+            }
             _ => self.validate_light_groups(),
         }
     }

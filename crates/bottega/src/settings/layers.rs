@@ -10,6 +10,11 @@ pub const GUIDES: [Aov; 2] = [Aov::Albedo, Aov::Normal];
 /// The word that requests all layers.
 pub(crate) const ALL: &str = "all";
 
+/// Returns the layers that a request may name: all but those of shadow catchers, which come with the catchers.
+fn named() -> impl Iterator<Item = Aov> {
+    Aov::ALL.into_iter().filter(|aov| !Aov::CATCHERS.contains(aov))
+}
+
 /// Returns the requested layers of the built-in engine.
 ///
 /// - `requested`: names of layers; `all` alone means all of them, an empty list none at all.
@@ -21,17 +26,26 @@ pub fn own_layers(requested: Option<&[String]>, denoise: bool) -> Result<AovSet,
     let guides = if denoise && requested.is_none_or(|requested| !requested.is_empty()) { &GUIDES[..] } else { &[] };
     let requested = match requested {
         None => AovSet::NONE,
-        Some([all]) if all == ALL => Aov::ALL.into_iter().collect(),
+        Some([all]) if all == ALL => named().collect(),
         Some(names) => names.iter().map(|name| own_layer(name)).collect::<Result<AovSet, Error>>()?,
     };
     Ok(requested.iter().chain(guides.iter().copied()).collect())
 }
 
 fn own_layer(name: &str) -> Result<Aov, Error> {
-    Aov::ALL.into_iter().find(|aov| aov.name() == name).ok_or_else(|| {
+    if let Some(aov) = Aov::CATCHERS.into_iter().find(|aov| aov.name() == name) {
+        return Err(Error::usage(
+            format!("the layer `{}` cannot be named (--aov, `film.layers`)", aov.name()),
+            "it comes with --shadow-catcher (`film.shadow_catchers`)",
+        ));
+    }
+    named().find(|aov| aov.name() == name).ok_or_else(|| {
         Error::usage(
             format!("the built-in engine has no layer `{name}` (--aov, `film.layers`)"),
-            format!("it has {}; `all` stands for all of them, `none` for no layer", Aov::ALL.map(Aov::name).join(", ")),
+            format!(
+                "it has {}; `all` stands for all of them, `none` for no layer",
+                named().map(Aov::name).collect::<Vec<_>>().join(", ")
+            ),
         )
     })
 }
@@ -48,7 +62,7 @@ mod tests {
     #[test]
     fn layers_of_our_own_engine_are_named_all_or_none() {
         assert_eq!(chosen(&["depth", "normal"]).ok(), Some([Aov::Depth, Aov::Normal].into_iter().collect()));
-        assert_eq!(chosen(&["all"]).ok(), Some(Aov::ALL.into_iter().collect()));
+        assert_eq!(chosen(&["all"]).ok(), Some(named().collect()));
         assert_eq!(chosen(&[]).ok(), Some(AovSet::NONE));
         for wrong in [&["beauty"][..], &[""], &["depth", ""], &["depth", "all"]] {
             let error = chosen(wrong).expect_err("no such layer");

@@ -9,7 +9,7 @@ use wildmatch::WildMatch;
 /// Groups by name, with the patterns of their lights.
 type Patterns = BTreeMap<String, Vec<String>>;
 
-/// Number of lights that a warning names.
+/// Number of things that a warning names.
 const NAMED_MAX: usize = 8;
 
 /// Returns the layers of groups: red, green and blue of each, in the order of the groups.
@@ -42,18 +42,21 @@ pub(crate) fn light_groups(groups: &Patterns, prepared: &PreparedScene) -> (Opti
     });
     let without = groups.keys().zip(0..).filter(|(_, group)| found & 1 << group == 0);
     let notes = without.map(|(group, _)| {
-        format!("film.light_groups: no light belongs to `{group}`, so its layer is black; {}", listed(&lights))
+        let listed = listed("lights", &lights);
+        format!("film.light_groups: no light belongs to `{group}`, so its layer is black; {listed}")
     });
     let notes = notes.collect();
     (Some(Arc::new(known)), notes)
 }
 
-/// Returns a sentence that lists lights.
-fn listed(lights: &[String]) -> String {
-    let named: Vec<&str> = lights.iter().take(NAMED_MAX).map(String::as_str).collect();
-    match (named.join(", "), lights.len().saturating_sub(NAMED_MAX)) {
-        (names, _) if names.is_empty() => "the scene has no lights".to_owned(),
-        (names, 0) => format!("the lights are {names}"),
-        (names, more) => format!("the lights are {names} and {more} more"),
+/// Returns a sentence that lists things of a scene.
+///
+/// - `kind`: the word for several of them, such as `lights`.
+pub(super) fn listed(kind: &str, all: &[String]) -> String {
+    let named: Vec<&str> = all.iter().take(NAMED_MAX).map(String::as_str).collect();
+    match (named.join(", "), all.len().saturating_sub(NAMED_MAX)) {
+        (names, _) if names.is_empty() => format!("the scene has no {kind}"),
+        (names, 0) => format!("the {kind} are {names}"),
+        (names, more) => format!("the {kind} are {names} and {more} more"),
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! [`Plan`](crate::plan::Plan) puts those of a picture together.
 
+mod catchers;
 mod guiding;
 mod layers;
 mod light_groups;
@@ -14,6 +15,7 @@ use bottega_image::{Encoding, ExrColorSpace, ExrCompression, ExrOptions, HalfOrF
 use bottega_render::Filter;
 
 pub(crate) use self::{
+    catchers::catchers,
     guiding::asks_for_agents,
     layers::ALL as ALL_LAYERS,
     light_groups::{group_layers, light_groups},

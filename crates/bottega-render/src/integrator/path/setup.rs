@@ -8,6 +8,7 @@ use glam::Vec2;
 use super::super::record::Wanted;
 use crate::{
     camera::{CameraRay, CameraRays},
+    catchers::ShadowCatchers,
     error::RenderError,
     filter::FilterSampler,
     guide::{Guide, PaintingWay},
@@ -40,6 +41,8 @@ pub struct PathIntegrator<'a> {
     pub(super) guide: Option<Arc<Guide>>,
     /// Guide whose plan picks the rendering way of each pixel; `None`: all pixels are rendered in one way.
     pub(super) plan: Option<Arc<Guide>>,
+    /// Shadow catchers; `None`: there are none.
+    pub(super) catchers: Option<&'a ShadowCatchers>,
     /// `true`: agents decide where paths end and where they split.
     pub(super) splits: bool,
     /// `true`: agents decide how often shadow rays are traced.
@@ -72,6 +75,7 @@ impl<'a> PathIntegrator<'a> {
             wanted: Wanted::default(),
             guide: None,
             plan: None,
+            catchers: None,
             splits: false,
             looks_rarely: false,
         })
@@ -130,6 +134,17 @@ impl<'a> PathIntegrator<'a> {
         Self { wanted, ..self }
     }
 
+    /// Returns this integrator with shadow catchers.
+    #[must_use]
+    pub(in crate::integrator) fn with_catchers(self, catchers: Option<&'a ShadowCatchers>) -> Self {
+        Self { catchers, ..self }
+    }
+
+    /// Returns the shadow catchers; `None`: there are none.
+    pub(in crate::integrator) fn catchers(&self) -> Option<&'a ShadowCatchers> {
+        self.catchers
+    }
+
     /// Returns the scene.
     pub(in crate::integrator) fn prepared(&self) -> &'a PreparedScene {
         self.prepared
@@ -138,6 +153,11 @@ impl<'a> PathIntegrator<'a> {
     /// Returns the settings.
     pub(in crate::integrator) fn settings(&self) -> &'a PathSettings {
         self.settings
+    }
+
+    /// Returns the rays of the camera.
+    pub(in crate::integrator) fn camera(&self) -> &CameraRays {
+        &self.camera
     }
 
     /// Returns which optional values are requested.
@@ -192,13 +212,14 @@ impl<'a> PathIntegrator<'a> {
     }
 
     /// Returns `true` if paths must be traced one by one to their end: those through media and panes, those that must
-    /// know the kind of their last event, and those that have a time.
+    /// know the kind of their last event, those that have a time, and those that may meet shadow catchers.
     #[inline(always)]
     pub(in crate::integrator) fn goes_alone(&self) -> bool {
         self.prepared.needs_volume()
             || self.prepared.has_panes()
             || self.prepared.tells_bounces_apart()
             || self.prepared.moves()
+            || self.catchers.is_some()
     }
 
     /// Returns `true` if agents are used for more than directions.

@@ -27,7 +27,7 @@ impl MediumPath<'_> {
 
     /// Calls `add` with the radiance of each light at infinity along the ray, weighted by MIS.
     fn each_far(&self, mut add: impl FnMut(FarLight, Spectrum)) {
-        if self.depth == 0 && self.hides_emitters {
+        if self.depth == 0 && (self.hides_emitters || self.catchers.hides_far()) {
             return;
         }
         let lights = self.prepared.lights();

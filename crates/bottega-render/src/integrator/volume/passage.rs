@@ -29,12 +29,13 @@ impl MediumPath<'_> {
     pub(super) fn meets(&self, ray: &Ray, hit: &Hit) -> bool {
         let known = self.prepared.material(material_of(self.prepared, hit)).1;
         let is_hidden = known.shines && self.depth == 0 && self.hides_emitters;
-        !is_hidden && (is_boundary(known) || self.rays().meets(ray, hit))
+        !is_hidden && self.catchers.has(self.prepared, hit) && (is_boundary(known) || self.rays().meets(ray, hit))
     }
 
     /// Returns `true` if a candidate hit of a shadow ray counts. Boundaries between two media always count.
     fn blocks(&self, ray: &Ray, hit: &Hit) -> bool {
-        is_boundary(self.prepared.material(material_of(self.prepared, hit)).1) || self.rays().blocks(ray, hit)
+        let known = self.prepared.material(material_of(self.prepared, hit)).1;
+        self.catchers.has(self.prepared, hit) && (is_boundary(known) || self.rays().blocks(ray, hit))
     }
 
     /// Returns the rays that leave the path's current vertex.

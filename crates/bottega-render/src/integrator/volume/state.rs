@@ -1,12 +1,14 @@
 //! The state of a path through media.
 
 use bottega_image::SurfaceValues;
+use bottega_kernels::Hit;
 use bottega_scene::{MediumId, Spectrum, Visibility};
 use glam::Vec3;
 
 use super::super::{group_sums::GroupSums, record::PathRecord, surface::WantedSurface};
 use crate::{
     camera::RayCone,
+    catchers::CatcherRole,
     density::SolidAnglePdf,
     interaction::Interaction,
     lights::{Receiver, Segment},
@@ -35,6 +37,15 @@ pub(super) struct SegmentPoint {
     pub(super) distance: f32,
     /// Density of drawing the distance by extinction, per length.
     pub(super) pdf: f32,
+}
+
+/// The first surface of a path, or its first scattering in a medium.
+#[derive(Clone, Copy)]
+pub(super) struct FirstSurface {
+    /// Its values, without motion vectors.
+    pub(super) values: SurfaceValues,
+    /// The hit; [`Hit::NONE`] in a medium.
+    pub(super) hit: Hit,
 }
 
 /// A path through media being traced.
@@ -80,10 +91,12 @@ pub(super) struct MediumPath<'a> {
     pub(super) previous: PreviousVertex,
     /// `true`: the camera does not see emitters.
     pub(super) hides_emitters: bool,
+    /// The part that shadow catchers play.
+    pub(super) catchers: CatcherRole<'a>,
     /// Values of the first surface to record; `None`: none.
     pub(super) wants_surface: Option<WantedSurface>,
     /// The first surface, once it is met, if it is wanted.
-    pub(super) surface: Option<SurfaceValues>,
+    pub(super) surface: Option<FirstSurface>,
     /// `true`: the albedo is wanted and not recorded yet.
     pub(super) wants_albedo: bool,
     /// `true`: costs are wanted.

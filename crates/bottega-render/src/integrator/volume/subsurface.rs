@@ -110,7 +110,9 @@ impl MediumPath<'_> {
             let distance = medium.sample_distance(channels, u_channel, u);
             // Find the surface of the solid up to there
             let ray = Ray { t_max: distance, ..Ray::new(origin, direction) };
-            let is_boundary = |hit: &Hit| prepared.material(material_of(prepared, hit)).1.has_subsurface;
+            let is_boundary = |hit: &Hit| {
+                prepared.material(material_of(prepared, hit)).1.has_subsurface && self.catchers.has(prepared, hit)
+            };
             let hit = prepared.accel().intersect_filtered_at(&ray, self.time, is_boundary);
             self.record.values.cost += STEPS;
             self.record.counts.media += 1;
