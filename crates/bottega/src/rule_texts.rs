@@ -22,7 +22,8 @@ impl RulesText {
         let choice = (Path::new(EngineChoice::RULES_NAME) == path).then_some(EngineChoice::RULES);
         let paper = (Path::new(PAPER_RULES_NAME) == path).then_some(PAPER_RULES);
         let paths_or_photons = (Path::new(TechniqueChoice::RULES_NAME) == path).then_some(TechniqueChoice::RULES);
-        let built_in = technique.map(Technique::rules).or(choice).or(paths_or_photons).or(paper).or_else(|| shipped_rules(path));
+        let built_in =
+            technique.map(Technique::rules).or(choice).or(paths_or_photons).or(paper).or_else(|| shipped_rules(path));
         let text = match built_in {
             Some(text) if !path.is_file() => text.to_owned(),
             _ => read_text(path)?,

@@ -55,11 +55,7 @@ mod tests {
     #[test]
     fn another_process_of_a_machine_that_has_voted_does_not_confirm_it() {
         let painting = Painting {
-            choice: Choice {
-                tunables: Tunables { max_depth: 4, light_samples: 1 },
-                samples: 4,
-                bands: Sides::all(0),
-            },
+            choice: Choice { tunables: Tunables { max_depth: 4, light_samples: 1 }, samples: 4, bands: Sides::all(0) },
             result: ResultRef { fence: Revision(1), samples: 4, digest: BlobId([0; 32]) },
             time_measured: Duration::ZERO,
             busy: Duration::ZERO,

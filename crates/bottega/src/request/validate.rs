@@ -8,8 +8,8 @@ use thiserror::Error as ThisError;
 use super::{
     BandChoice, CameraPose, DeviceChoice, DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions,
     FarmOptions, FilmOptions, GoalOptions, GuideChoice, GuideOptions, IntegratorChoice, InvalidField, OutputOptions,
-    PhotonOptions,
-    REQUEST_VERSION, Request, SceneOptions, ShutterTimes, ViewOptions, WorkOptions, limits::*, ranged::within,
+    PhotonOptions, REQUEST_VERSION, Request, SceneOptions, ShutterTimes, ViewOptions, WorkOptions, limits::*,
+    ranged::within,
 };
 use crate::frames::{FrameName, frame_name_help};
 
