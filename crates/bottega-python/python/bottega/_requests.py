@@ -553,6 +553,8 @@ class IntegratorOptions(Section):
     """
     method: IntegratorChoice | None = None
     """The integrator; none: one that finds the same light as the scene file's integrator, or `path`."""
+    rules: RulesSource | None = None
+    """Rules that choose between paths and photons, with `auto`; none: the built-in ones."""
     wavefront: bool = False
     """True to make rays and shading separate work units, so that any device can trace the rays, as in
     the HRA paper. False: a unit is samples of a block of pixels. The picture has the same bits.
@@ -704,9 +706,9 @@ class SceneOptions(Section):
     defines: Mapping[str, str] = field(default_factory=lambda: {})
     """Parameters of a Mitsuba scene (its `<default>`s), by name."""
     displacement: int | None = None
-    """How often the longest edge of a mesh that a texture displaces is halved, from 0 to 12; none:
-    until edges are as long as a texel, or as the file says, with at most a million triangles per
-    mesh. With a number, a mesh has at most 4 million.
+    """Number of times that the longest edge of a mesh that a texture displaces is halved, from 0 to
+    12; none: until edges are as long as a texel, or as the file says, with at most a million
+    triangles per mesh. With a number, a mesh has at most 4 million.
     """
     file: str
     """The scene: glTF (.glb, .gltf), USD (.usd, .usda, .usdc, .usdz), Mitsuba 3 (.xml), pbrt-v4
@@ -719,9 +721,9 @@ class SceneOptions(Section):
     strict: bool = False
     """True to refuse a scene with unsupported features; false to render substitutes for them."""
     subdivision: int | None = None
-    """How often subdivision surfaces of a USD stage are refined, from 0 (their polygons) to 6; none: 2
-    for meshes that name their `subdivisionScheme`, and 0 for others. A mesh that would have more
-    than 4 million faces is refined less, with a warning.
+    """Number of times that subdivision surfaces of a USD stage are refined, from 0 (their polygons) to
+    6; none: 2 for meshes that name their `subdivisionScheme`, and 0 for others. A mesh that would
+    have more than 4 million faces is refined less, with a warning.
     """
     time: float | None = None
     """The time in seconds at which the animations of a glTF or USD scene are shown; none: the scene as
