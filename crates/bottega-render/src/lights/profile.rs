@@ -31,6 +31,13 @@ pub(crate) enum Profile {
     Picture(DirectionPicture),
 }
 
+/// Returns the factor of a picture; rare, and so not a part of the loops over paths.
+#[cold]
+#[inline(never)]
+fn factor_of_picture(scene: &Scene, picture: &DirectionPicture, direction: Vec3) -> Spectrum {
+    DirectionLookup::new(scene, picture).factor(direction)
+}
+
 impl Profile {
     /// Prepares an emission profile for evaluation.
     pub(crate) fn new(profile: &EmissionProfile) -> Self {
@@ -67,7 +74,7 @@ impl Profile {
             Self::Spot { axis, cos_inner, cos_outer, falloff } => {
                 Spectrum::splat(fall_off(falloff, direction.dot(axis), cos_inner, cos_outer))
             }
-            Self::Picture(picture) => DirectionLookup::new(scene, &picture).factor(direction),
+            Self::Picture(ref picture) => factor_of_picture(scene, picture, direction),
         }
     }
 
