@@ -18,6 +18,12 @@ impl AgentId {
     pub fn new(name: impl Into<Arc<str>>) -> Self {
         Self { name: name.into(), addresses: Arc::new([]) }
     }
+
+    /// Returns the platform in which the agent was created, that of its process: the part after the last `@` of its name; the
+    /// whole name without one.
+    pub fn home(&self) -> &str {
+        self.name.rsplit('@').next().unwrap_or(&self.name)
+    }
 }
 
 /// Returns the machine in the name of a process or agent: the part after the last `@` (without one, the whole name), up

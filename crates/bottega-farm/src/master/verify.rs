@@ -8,7 +8,7 @@
 
 use std::{sync::Arc, time::Duration};
 
-use bottega_agents::{AgentId, Time, machine_of};
+use bottega_agents::{AgentId, Time};
 
 use super::{assignments::Assignments, comparisons::Comparisons, config::MasterConfig, trust::Trust};
 use crate::{FarmAction, FarmEffect, FarmMessage, Painting, ResultRef, Vote, ZoneId, ZoneRow, ZoneState};
@@ -219,8 +219,8 @@ impl Verification {
             return;
         }
         let Assignments { roster, ledger, .. } = assignments;
-        // Count the machines, not the agents
-        let mut machines: Vec<&str> = roster.iter().map(|member| machine_of(&member.row.agent.name)).collect();
+        // Count the processes, each of which is a machine for the farm, not the agents
+        let mut machines: Vec<&str> = roster.iter().map(|member| member.row.agent.home()).collect();
         machines.sort_unstable();
         machines.dedup();
         let (present, wanted) = (machines.len(), self.config.verify as usize);

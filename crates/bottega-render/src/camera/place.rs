@@ -179,6 +179,7 @@ mod tests {
         let surfaces = vec![LensSurface { radius: 0.0, thickness: 0.05, eta: 1.0, aperture_radius: 0.001 }];
         let description = LensDescription { surfaces, film_diagonal: 0.03, focus_distance: None };
         let camera = Camera { lenses: Some(LensSystem::new(description).unwrap()), ..base };
-        assert!(error(&camera) < 0.02, "lenses: {}", error(&camera));
+        // The middle of the exit pupil is not at the same place for all pixels: some hundredths of a millimeter here
+        assert!(error(&camera) < 0.05, "lenses: {}", error(&camera));
     }
 }
