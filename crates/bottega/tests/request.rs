@@ -151,6 +151,9 @@ fn request() -> impl Strategy<Value = Request> {
         if request.frames.is_some() {
             request.scene.time = None;
         }
+        if request.integrator.method != Some(IntegratorChoice::Auto) {
+            request.integrator.rules = None;
+        }
         request
     })
 }
