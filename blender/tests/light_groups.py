@@ -74,23 +74,6 @@ def build() -> None:
     scene.world.lightgroup = "sky"
 
 
-def passes(engine: str, folder: Path) -> dict[str, Any]:
-    """Renders all passes by an engine, and returns them by name."""
-    scene = bpy.context.scene
-    file = folder / f"groups-{engine.lower()}.exr"
-    scene.render.engine = engine
-    if engine == "CYCLES":
-        support.unclamped(scene.cycles, SAMPLES)
-    settings = scene.render.image_settings
-    if hasattr(settings, "media_type"):
-        settings.media_type = "MULTI_LAYER_IMAGE"
-    settings.file_format, settings.color_depth = "OPEN_EXR_MULTILAYER", "32"
-    scene.render.filepath = str(file)
-    bpy.ops.render.render(write_still=True)
-    picture = bottega.read(file)
-    return {name.rsplit(".", 1)[-1]: picture[name] for name in picture.layers}
-
-
 def main() -> None:
     folder = Path(support.arguments()[0])
     support.addon()
@@ -99,7 +82,7 @@ def main() -> None:
         support.leave()
     build()
     support.settle(bpy.context.scene, *SIZE, SAMPLES)
-    ours, theirs = passes("BOTTEGA", folder), passes("CYCLES", folder)
+    ours, theirs = (support.layers_of(engine, folder / f"groups-{engine.lower()}.exr", SAMPLES) for engine in ("BOTTEGA", "CYCLES"))
     for name in GROUPS:
         one, other = (found[f"Combined_{name}"][..., :3] for found in (ours, theirs))
         if name == "nobody":

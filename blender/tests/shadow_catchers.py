@@ -45,20 +45,9 @@ def rendered(engine: str, file: Path, has_pass: bool) -> dict[str, Any]:
     - `has_pass`: shadows are in the pass instead of alpha.
     """
     scene = bpy.context.scene
-    scene.render.engine = engine
-    if engine == "CYCLES":
-        support.unclamped(scene.cycles, SAMPLES)
     scene.bottega.use_shadow_catcher = has_pass
     scene.view_layers[0].cycles.use_pass_shadow_catcher = has_pass
-    settings = scene.render.image_settings
-    if hasattr(settings, "media_type"):
-        settings.media_type = "MULTI_LAYER_IMAGE" if has_pass else "IMAGE"
-    settings.file_format, settings.color_depth = "OPEN_EXR_MULTILAYER" if has_pass else "OPEN_EXR", "32"
-    settings.color_mode = "RGBA"
-    scene.render.filepath = str(file)
-    bpy.ops.render.render(write_still=True)
-    picture = bottega.read(file)
-    return {name.rsplit(".", 1)[-1]: picture[name] for name in picture.layers}
+    return support.layers_of(engine, file, SAMPLES, has_pass)
 
 
 def compare(name: str, ours: Any, theirs: Any) -> None:

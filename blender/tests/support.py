@@ -96,6 +96,28 @@ def picture_of(engine: str, file: Path, samples: int) -> Any:
     return bottega.read(file).color
 
 
+def layers_of(engine: str, file: Path, samples: int, has_passes: bool = True) -> dict[str, Any]:
+    """Renders the scene by an engine, as F12 does, and returns the layers of the file by their last names.
+
+    - `has_passes`: the file has the passes of the view layer, too.
+    """
+    import bottega
+
+    scene = bpy.context.scene
+    scene.render.engine = engine
+    if engine == "CYCLES":
+        unclamped(scene.cycles, samples)
+    settings = scene.render.image_settings
+    if hasattr(settings, "media_type"):
+        settings.media_type = "MULTI_LAYER_IMAGE" if has_passes else "IMAGE"
+    settings.file_format, settings.color_depth = "OPEN_EXR_MULTILAYER" if has_passes else "OPEN_EXR", "32"
+    settings.color_mode = "RGBA"
+    scene.render.filepath = str(file)
+    bpy.ops.render.render(write_still=True)
+    picture = bottega.read(file)
+    return {name.rsplit(".", 1)[-1]: picture[name] for name in picture.layers}
+
+
 def unclamped(cycles: Any, samples: int) -> None:
     """Makes Cycles find all light: no clamping, all caustics, no denoising."""
     values = {

@@ -6,8 +6,9 @@ use std::collections::BTreeMap;
 const SLOTS_EACH: usize = 2;
 const SLOTS_MORE: usize = 64;
 
-/// A map from numbers, mostly consecutive from 0, which are looked up by index. Numbers far beyond are kept in a tree,
-/// so that no key costs more memory than one entry.
+/// A map for integer keys that are mostly 0, 1, 2, …: these are looked up by index in a vector of at most two slots per
+/// entry plus 64, or as many as were reserved. Larger keys are kept in a tree, so that one of them does not enlarge the
+/// vector.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NumberMap<V> {
     dense: Vec<Option<V>>,

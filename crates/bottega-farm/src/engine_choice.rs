@@ -9,7 +9,7 @@ use bottega_fuzzy::FunctionBlock;
 
 use crate::{
     ExpertError, WorkRow, ZoneRow,
-    zone_inputs::{COMPLEXITY, NEIGHBOR_DIFFERENCE, SIZE, laid_out, zone_values},
+    zone_inputs::{COMPLEXITY, NEIGHBOR_DIFFERENCE, SIZE, check_inputs, check_output, laid_out, zone_values},
 };
 
 /// The output: −1 prefers the first engine, 1 the last.
@@ -31,14 +31,8 @@ impl EngineChoice {
     /// # Errors
     /// The rules have an unknown input, or no output `leaning`.
     pub fn new(rules: FunctionBlock) -> Result<Self, ExpertError> {
-        let known = |name: &str| INPUTS.iter().any(|input| input.eq_ignore_ascii_case(name));
-        if let Some(unknown) = rules.inputs().iter().find(|input| !known(&input.name)) {
-            return Err(ExpertError::UnknownInput { name: unknown.name.clone(), known: &INPUTS });
-        }
-        if !rules.outputs().iter().any(|output| output.name.eq_ignore_ascii_case(PREFERENCE)) {
-            let found = rules.outputs().iter().map(|output| output.name.clone()).collect();
-            return Err(ExpertError::NoChoice { output: PREFERENCE, of: "engine", found });
-        }
+        check_inputs(&rules, &INPUTS)?;
+        check_output(&rules, PREFERENCE, "engine")?;
         Ok(Self(Arc::new(rules)))
     }
 

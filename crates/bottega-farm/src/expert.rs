@@ -13,7 +13,7 @@ use crate::{
     Choice, EngineChoice, ExpertError, Goal, Technique, WorkRow, WorkSettings, ZoneRow,
     cells::octave_end,
     technique::{INTERPOLATION_BAND_PIXELS, INTERPOLATION_BAND_SIZE, LIGHT_SAMPLES, RECURSION_LEVEL, SAMPLES},
-    zone_inputs::{COMPLEXITY, NEIGHBOR_DIFFERENCE, SIZE, laid_out, zone_values},
+    zone_inputs::{COMPLEXITY, NEIGHBOR_DIFFERENCE, SIZE, check_inputs, laid_out, zone_values},
 };
 
 /// The input for the user's Optimization Level, 1 (VS) to 5 (VB).
@@ -79,10 +79,7 @@ impl Expert {
     /// # Errors
     /// The rules have an unknown input, or no output that path tracing knows.
     pub fn new(rules: FunctionBlock) -> Result<Self, ExpertError> {
-        let known = |name: &str| INPUTS.iter().any(|input| input.eq_ignore_ascii_case(name));
-        if let Some(unknown) = rules.inputs().iter().find(|input| !known(&input.name)) {
-            return Err(ExpertError::UnknownInput { name: unknown.name.clone(), known: &INPUTS });
-        }
+        check_inputs(&rules, &INPUTS)?;
         let technique = Technique::PathTracing;
         let (known, ignored) = technique.sort_outputs(&rules);
         if known.is_empty() {

@@ -131,4 +131,4 @@ pub use vocabulary::{FarmAction, FarmCompletion, FarmEffect, FarmEvent, PaintOrd
 pub use watchdog::{STALLED_AFTER, Watchdog};
 pub use wire::{FarmCodec, WireError, digest};
 pub use work_keys::{WorkKeys, compare_and_set};
-pub use zone_inputs::ExpertError;
+pub use zone_inputs::{ExpertError, check_inputs, check_output};

@@ -133,7 +133,7 @@ pub struct WorkSettings {
     pub samples: u32,
     /// The condition under which a zone is finished.
     pub goal: Goal,
-    /// The settings besides `samples` that rules may lower.
+    /// The settings of the engine that rules may lower, in addition to `samples`.
     pub tunables: Tunables,
     /// The degree to which rules may lower `samples` and `tunables`.
     pub optimization: Optimization,

@@ -188,11 +188,12 @@ pub enum FarmCompletion {
         /// `Err`: the samples could not be used, with the reason as text for the user.
         outcome: Result<(), String>,
     },
-    /// A request to paint a zone again that is done or given up.
+    /// A request to paint again a zone that is done or given up. The Master ignores it if the zone is held or has other
+    /// samples by then.
     Requeue {
         /// The id of the zone.
         zone: ZoneId,
-        /// The fencing token of the samples to discard, so that no others are; `None`: the zone was given up.
+        /// The fencing token of the samples to discard: newer samples are kept. `None`: the zone was given up.
         fence: Option<Revision>,
     },
     /// The user's request to stop: no more zones are given out.

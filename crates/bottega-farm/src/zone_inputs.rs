@@ -54,6 +54,32 @@ pub enum ExpertError {
     Evaluate(#[from] EvaluateError),
 }
 
+/// Checks that rules have only known inputs.
+///
+/// # Errors
+/// [`ExpertError::UnknownInput`].
+pub fn check_inputs(rules: &FunctionBlock, known: &'static [&'static str]) -> Result<(), ExpertError> {
+    let is_unknown = |name: &str| !known.iter().any(|input| input.eq_ignore_ascii_case(name));
+    match rules.inputs().iter().find(|input| is_unknown(&input.name)) {
+        Some(unknown) => Err(ExpertError::UnknownInput { name: unknown.name.clone(), known }),
+        None => Ok(()),
+    }
+}
+
+/// Checks that rules have the output by which they choose.
+///
+/// - `of`: the subject of the choice, for the error.
+///
+/// # Errors
+/// [`ExpertError::NoChoice`].
+pub fn check_output(rules: &FunctionBlock, output: &'static str, of: &'static str) -> Result<(), ExpertError> {
+    if rules.outputs().iter().any(|known| known.name.eq_ignore_ascii_case(output)) {
+        return Ok(());
+    }
+    let found = rules.outputs().iter().map(|output| output.name.clone()).collect();
+    Err(ExpertError::NoChoice { output, of, found })
+}
+
 /// Returns the rules with the sets of their inputs laid out over the ranges of a work.
 pub(crate) fn laid_out(rules: &FunctionBlock, ranges: &InputRanges) -> Result<FunctionBlock, LayoutError> {
     let mut rules = rules.clone();

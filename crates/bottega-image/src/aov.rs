@@ -7,9 +7,9 @@ use crate::matte;
 pub enum Aov {
     /// Reflectance of the first non-specular surface, linear RGB.
     Albedo,
-    /// Shading normal of the first surface, world space, x y z.
+    /// Shading normal of the first surface, world space, x y z; 0 where the first event is scattering in a medium.
     Normal,
-    /// Distance from the camera to the first surface, in scene units; 0 where nothing is hit.
+    /// Distance from the camera to the first surface, or to the first scattering in a medium, in scene units; 0: neither.
     Depth,
     /// Number of samples of the pixel.
     SampleCount,

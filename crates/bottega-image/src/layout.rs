@@ -111,7 +111,7 @@ impl Layout {
         self.stride() - self.layers.as_ref().map_or(0, |layers| layers.picked_floats())
     }
 
-    /// Returns the offsets of the Cryptomattes, [`matte::FLOATS`](crate::matte::FLOATS) each: not sums of their own.
+    /// Returns the offsets of the Cryptomattes, [`crate::matte::FLOATS`] each: not sums of their own.
     pub(crate) fn mattes(&self) -> Range<usize> {
         let end = Self::FIXED + self.aovs.iter().map(Aov::channel_count).sum::<usize>();
         let count = Aov::MATTES.into_iter().filter(|&aov| self.aovs.contains(aov)).count();

@@ -114,9 +114,10 @@ impl Prepass {
         Some(self.techniques.place(view, settings).get()?.counts())
     }
 
-    /// Returns the data learnt for a view and settings as bytes, for other machines that render the same picture: the
-    /// guide, or photon maps and agents, or for a picture that tries photons its plan with both. `None`: nothing is
-    /// learnt yet, or the photon mapping is progressive.
+    /// Returns what was learnt for a view and settings, as bytes for machines that render the same picture. With paths: the
+    /// guide. With photon mapping: the photon maps and lighting agents. With [`PathSettings::tries_photons`]: the technique
+    /// of each zone, the guide if there is one, and the maps if photons render a zone; in too small a picture the guide
+    /// alone. `None`: these data do not exist yet, or the photon mapping is progressive.
     pub fn learnt(&self, prepared: &PreparedScene, view: &View, settings: &PathSettings) -> Option<Vec<u8>> {
         if settings.tries_photons {
             return self.learnt_techniques(prepared, view, settings);
@@ -154,9 +155,13 @@ impl Prepass {
     /// Returns plan, guide and maps of a picture that tries photons as bytes: a list of three parts with their lengths.
     /// Without photons in any zone, the maps are left out.
     fn learnt_techniques(&self, prepared: &PreparedScene, view: &View, settings: &PathSettings) -> Option<Vec<u8>> {
-        let guide = self.guide_place(guide_key(view, settings)).get().map_or_else(Vec::new, |guide| guide.to_bytes());
+        let guide = self.guide_place(guide_key(view, settings)).get().map(|guide| guide.to_bytes());
         let (mut plan, mut maps) = (Writer(Vec::new()), Vec::new());
-        if let Some(TriedPhotons { zones: photons, .. }) = TriedPhotons::of(view, settings) {
+        let tried = TriedPhotons::of(view, settings);
+        if tried.is_none() && guide.is_none() {
+            return None;
+        }
+        if let Some(TriedPhotons { zones: photons, .. }) = tried {
             let known = Arc::clone(self.techniques.place(view, settings).get()?);
             known.write(&mut plan);
             if known.only() != Some(false) {
@@ -164,7 +169,7 @@ impl Prepass {
             }
         }
         let mut all = Writer(Vec::new());
-        for part in [plan.0, guide, maps] {
+        for part in [plan.0, guide.unwrap_or_default(), maps] {
             all.long(part.len() as u64);
             all.0.extend(part);
         }

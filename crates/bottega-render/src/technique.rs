@@ -128,7 +128,7 @@ impl TriedPhotons {
     }
 }
 
-/// The inputs of a plan besides the scene.
+/// The view and settings that a plan depends on. It also depends on the scene.
 type PlanKey = (View, PathSettings);
 
 /// A plan, filled by its first user while others wait.

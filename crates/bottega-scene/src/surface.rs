@@ -253,8 +253,8 @@ impl Surface {
         })
     }
 
-    /// Returns a mix of two surfaces; `weight` is the share of the second, in [0, 1]. [`Null`](Self::Null) becomes a
-    /// clear sheet, because rays cannot pass without a hit where another surface may be.
+    /// Returns a mix of two surfaces; `weight` is the share of the second, in [0, 1]. A part that is
+    /// [`Null`](Self::Null) is replaced by a clear sheet: rays ignore null surfaces, but must hit a blend.
     pub fn blend(weight: ScalarParam, surfaces: [Self; 2]) -> Self {
         Self::Blend { weight, surfaces: Box::new(surfaces.map(Self::met)) }
     }

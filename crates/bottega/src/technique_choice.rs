@@ -1,7 +1,7 @@
 //! The choice between paths and photons for a picture and its zones, by the rules in `rules/technique-choice.fcl` or by
 //! others. Their inputs are measured by a trial: see [`TechniqueEvidence`].
 
-use bottega_farm::ExpertError;
+use bottega_farm::{ExpertError, check_inputs, check_output};
 use bottega_fuzzy::FunctionBlock;
 use bottega_render::{TechniqueEvidence, TechniqueJudge};
 
@@ -32,14 +32,8 @@ impl TechniqueChoice {
     /// # Errors
     /// The rules have an unknown input, or no output `technique`.
     pub fn new(text: &str, rules: FunctionBlock) -> Result<Self, ExpertError> {
-        let known = |name: &str| INPUTS.iter().any(|input| input.eq_ignore_ascii_case(name));
-        if let Some(unknown) = rules.inputs().iter().find(|input| !known(&input.name)) {
-            return Err(ExpertError::UnknownInput { name: unknown.name.clone(), known: &INPUTS });
-        }
-        if !rules.outputs().iter().any(|output| output.name.eq_ignore_ascii_case(TECHNIQUE)) {
-            let found = rules.outputs().iter().map(|output| output.name.clone()).collect();
-            return Err(ExpertError::NoChoice { output: TECHNIQUE, of: "technique", found });
-        }
+        check_inputs(&rules, &INPUTS)?;
+        check_output(&rules, TECHNIQUE, "technique")?;
         let digest = blake3::hash(text.as_bytes());
         let first = digest.as_bytes().first_chunk().copied().unwrap_or_default();
         Ok(Self { rules, digest: u64::from_le_bytes(first) })

@@ -5,7 +5,7 @@ use std::{any::Any, marker::PhantomData};
 use super::local::Mailbox;
 use crate::{Action, ActionOf, BoxedMachine, Event, EventOf, StateMachine, Time, gateway::PlainContent};
 
-/// An effect or report of an agent of a node, known only to that agent and its performer.
+/// A type-erased effect or report of an agent. Only the agent and the performer of its effects know the concrete type.
 pub type Anything = Box<dyn Any + Send>;
 
 /// The state machine of an agent of a node; its effects and reports may have any type.

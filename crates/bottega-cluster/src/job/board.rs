@@ -271,7 +271,7 @@ impl JobBoard {
         name == order_blob(job.origin) || name == picture_blob(job.origin)
     }
 
-    /// Returns the leader and progress of a job; [`Lead::leader`] is `None` if no process leads it now. `None`: no process has
+    /// Returns the leader and progress of a job; its `leader` is `None` if no process leads it now. `None`: no process has
     /// led it yet, or its record cannot be read.
     pub fn lead(&self, number: u32) -> Option<Lead> {
         let notice = self.uplink.notices().get(&lead_name(number))?;

@@ -16,7 +16,8 @@ const SMALL_OFFERS: usize = 4;
 /// Sort key of a zone: its size; of equal zones the one with the lowest id counts as largest.
 type Rank = (u64, Reverse<ZoneId>);
 
-/// The zones that wait for an auction, largest last, and those on offer in a round now.
+/// The zones that wait for an auction, largest last, and those on offer in a round now. A zone's size is its T_est, or its
+/// complexity under [`AuctionRule::Paper`](crate::AuctionRule::Paper).
 #[derive(Clone, Debug, Default)]
 pub struct OpenZones {
     waiting: BTreeMap<Rank, Offer>,
@@ -74,7 +75,7 @@ impl OpenZones {
         self.largest().map(|offer| offer.time_estimated)
     }
 
-    /// Returns the largest zone that is not on offer; `None`: there is none.
+    /// Returns the zone with the greatest T_est or complexity that is not on offer; `None`: there is none.
     pub fn largest(&self) -> Option<Offer> {
         self.waiting.last_key_value().map(|(_, offer)| *offer)
     }

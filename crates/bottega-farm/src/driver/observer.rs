@@ -19,7 +19,7 @@ impl MasterHandle {
     /// Requests that a finished or failed zone is painted again. Returns at once. The Master ignores the request if the
     /// zone is held or has other samples by then.
     ///
-    /// - `fence`: the fencing token of the samples to discard, so that no others are; `None`: the zone has failed.
+    /// - `fence`: the fencing token of the samples to discard: newer samples are kept; `None`: the zone has failed.
     pub fn requeue(&self, zone: ZoneId, fence: Option<Revision>) {
         (self.ask)(FarmCompletion::Requeue { zone, fence });
     }

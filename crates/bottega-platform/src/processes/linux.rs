@@ -26,7 +26,8 @@ fn stat(process: u32) -> Option<Stat> {
     Some(Stat { parent: number(1)? as u32, pages: number(21)? })
 }
 
-/// Returns the usage of the process with id `root` and of its descendants; zero if it does not exist.
+/// Returns the number of processes and the resident memory of the process with id `root` and its descendants. Zero: it does not
+/// exist, or its `/proc` entry cannot be read.
 pub fn usage(root: u32) -> TreeUsage {
     let all: BTreeMap<u32, Stat> = processes().filter_map(|id| Some((id, stat(id)?))).collect();
     let mut tree = TreeUsage::default();

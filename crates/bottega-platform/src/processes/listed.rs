@@ -13,7 +13,8 @@ fn all(what: ProcessRefreshKind) -> Option<System> {
     Some(system)
 }
 
-/// Returns the usage of the process with id `root` and of its descendants; zero if it does not exist.
+/// Returns the number of processes and the resident memory of the process with id `root` and its descendants. Zero: it does not
+/// exist, or the system does not list processes.
 pub fn usage(root: u32) -> TreeUsage {
     let Some(system) = all(ProcessRefreshKind::nothing().with_memory()) else { return TreeUsage::default() };
     let processes = system.processes();

@@ -421,6 +421,9 @@ mod tests {
             let expected = if *x < 32 { photons[index] } else { paths[index] };
             assert_eq!(mixed[index], expected, "{x}");
         }
+        // A picture that is too small to try photons has learnt nothing without a guide
+        let small = PathSettings { planned_samples: 4, ..settings };
+        assert!(TriedPhotons::of(&view, &small).is_none() && prepass.learnt(&scene, &view, &small).is_none());
         // Plan, guide and maps of another machine
         let bytes = prepass.learnt(&scene, &view, &settings).unwrap();
         let other = Prepass::default();

@@ -1,4 +1,5 @@
-//! Headers of HTTP/1.1, lenient towards old platforms.
+//! The parsers of HTTP/1.1 headers, and the errors that they return. They accept what old platforms send: blank lines before
+//! the header, folded fields, and lines that end in LF alone.
 
 use super::HEAD_BYTES_MAX;
 

@@ -72,7 +72,7 @@ pub struct Df {
 }
 
 impl Df {
-    /// Makes a directory without entries; its service reads them from the store.
+    /// Makes a directory without entries. The service that runs it reads the entries from the store when it starts.
     pub fn new(config: DfConfig) -> Self {
         let subscriptions = DfSubscriptions::new(config.id.clone(), config.calendar);
         let federation = Federation::new(config.id.clone(), config.salt, config.federates.clone());
